@@ -210,7 +210,7 @@ def quarter_turned(mp4: bytes, quarters: int = 1) -> bytes:
     """The film with a display matrix of quarter turns, as phones write it: 3 × 3 fixed-point numbers in ``tkhd``."""
     one = 0x00010000
     straight = struct.pack(">9i", one, 0, 0, 0, one, 0, 0, 0, 0x40000000)
-    c, s = {1: (0, one), 2: (-one, 0)}[quarters]
+    c, s = {1: (0, one), 2: (-one, 0), 3: (0, -one)}[quarters]
     turned = struct.pack(">9i", c, s, 0, -s, c, 0, 0, 0, 0x40000000)
     header = mp4.index(b"tkhd")
     at = mp4.index(straight, header)

@@ -121,7 +121,7 @@ def test_a_zoom_scatters_by_what_is_stated():
         larger = cv2.getRotationMatrix2D(((960 - 1) / 2, (540 - 1) / 2), 0, 1.01)
         magnified = cv2.warpAffine(wall, larger, (960, 540), flags=cv2.INTER_LANCZOS4, borderMode=cv2.BORDER_REFLECT)
         noisy = [np.clip(np.rint(luma + rng.normal(0, 3, luma.shape)), 0, 255) for luma in (wall, magnified)]
-        floor, held = (behind_boards._features(luma.astype(np.uint8), board, mirrored=False) for luma in noisy)
+        floor, held = (behind_boards._features(luma.astype(np.uint8), [board], mirrored=False) for luma in noisy)
         errors.append(100 * (behind_boards._crop((floor, floor), held, 800.0).zoom - 1.01))
     assert 0.6 < np.sqrt(np.mean(np.square(errors))) / behind_boards.CONSTANTS.zoom_std_percent < 1.6
 
@@ -275,12 +275,12 @@ def test_half_as_much_again_of_a_board_is_left_out(times, seen):
     picture = np.full((SIZE[1], SIZE[0]), 128, np.uint8)
     cv2.circle(picture, np.rint(MIDDLE + np.array([300 * times, 0.0])).astype(int).tolist(), 15, 255, -1)
     corners = MIDDLE + np.array([[-300, -200], [300, -200], [300, 200], [-300, 200]])
-    assert bool(len(behind_boards._features(picture, corners, mirrored=False).places)) == seen
+    assert bool(len(behind_boards._features(picture, [corners], mirrored=False).places)) == seen
 
 
 def test_some_hundred_features_of_a_picture_are_compared():
     corner = np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 9.0]])
-    assert 250 < len(behind_boards._features(texture(0), corner, mirrored=False).places) < 600
+    assert 250 < len(behind_boards._features(texture(0), [corner], mirrored=False).places) < 600
 
 
 @pytest.mark.parametrize(("zoom", "shift_px", "differs"), [(1.0, 0.7, False), (1.0, 1.5, True), (1.0015, 0.0, True)])
@@ -321,6 +321,6 @@ def test_a_feature_is_seen_again_where_the_next_is_a_quarter_farther(nearness, t
 @pytest.mark.parametrize(("width_px", "compared_px"), [(1920, 400), (300, 300)])
 def test_pictures_are_compared_at_four_hundred_pixels_of_width_or_their_own(width_px, compared_px):
     picture, corner = cv2.resize(texture(0), (width_px, width_px // 2)), np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 9.0]])
-    found = behind_boards._features(picture, corner, mirrored=False)
+    found = behind_boards._features(picture, [corner], mirrored=False)
     assert width_px / found.reduced == pytest.approx(compared_px, rel=0.3)
     assert np.ptp(found.places[:, 0]) == pytest.approx(width_px, rel=0.1)

@@ -7,6 +7,7 @@ import pytest
 from board_pictures import chessboard_pattern, pattern_to_image, picture, true_corners
 from towval.calibration.adequacy import blur_findings
 from towval.calibration.board_search import find_boards, fitting_corner_counts
+from towval.calibration.calibrate import _beside_another
 from towval.calibration.corners import BoardObservation, facing_camera, observe_charuco, observe_chessboard, refine
 from towval.calibration.observations import CalibrationObservations
 from towval.model import Board
@@ -156,6 +157,29 @@ def test_wrong_corner_counts_are_reported_with_the_right_ones(two_pictures):
     with pytest.raises(InputError, match="10 × 7 inner corners") as error:
         find_boards(two_pictures, Board("chessboard", (10, 7), 0.04), 1)
     assert "9 × 6 inner corners" in error.value.remedy
+
+
+def test_of_two_boards_in_a_picture_the_marked_one_counts_or_the_one_that_does_not_stay():
+    """A poster was taken for the board on the floor, and the pixel of the origin or the focal length blamed."""
+    pattern = chessboard_pattern(9, 6, 40)
+    poster = cv2.resize(pattern, None, fx=0.35, fy=0.35, interpolation=cv2.INTER_AREA)
+    pictures = []
+    for name, shift in (("floor", (300, 250)), ("b", (200, 200)), ("c", (350, 160))):
+        place = np.array([[0.5, 0.1, shift[0]], [-0.1, 0.5, shift[1]], [0, 0, 1.0]])
+        image = picture(pattern, place, SIZE)
+        image[10 : 10 + poster.shape[0], 10 : 10 + poster.shape[1]] = poster
+        pictures.append((name, image))
+    board = Board("chessboard", (9, 6), 0.04)
+    found, _ = find_boards(pictures, board, 2)
+    (told,) = _beside_another(found)
+    assert told.code == "boards-alike"
+    assert told.text.startswith("3 pictures (floor, b, c) show two chessboards")
+    assert all(one.corners_px.min() > 100 for one in found)
+    covered = pictures[0][1].copy()
+    covered[300:] = 128
+    assert find_boards([*pictures, ("d", covered)], board, 2)[1] == {"d": "no whole board found"}
+    marked, _ = find_boards(pictures[:1], board, 1, {"floor": np.array([30.0, 30.0])})
+    assert marked[0].corners_px.max() < 10 + max(poster.shape)
 
 
 def test_pictures_without_the_board_are_named(two_pictures):

@@ -55,8 +55,9 @@ def test_what_pictures_show_is_found_and_the_campaign_loads(footage):
     np.testing.assert_allclose(found.rover.top_corners_m, given.rover.top_corners_m)
 
 
-def test_the_size_of_a_phones_video_is_that_of_its_upright_pictures(footage):
-    """Pictures taken from such a film by FFmpeg are upright, too."""
+@pytest.mark.parametrize(("upright", "size"), [(True, (540, 960)), (False, (960, 540))])
+def test_the_size_of_a_phones_video_is_that_in_which_its_pictures_are_stored(footage, upright, size):
+    """Pictures taken from such a film by FFmpeg are upright, too; its photos lie, with a tag."""
     (footage / "a.mp4").unlink()
     with av.open(str(SAMPLE / "a.mp4")) as source, av.open(str(footage / "a.mp4"), "w") as made:
         stream = made.add_stream_from_template(source.streams.video[0])
@@ -65,12 +66,12 @@ def test_the_size_of_a_phones_video_is_that_of_its_upright_pictures(footage):
             if packet.dts is not None:
                 packet.stream = stream
                 made.mux(packet)
-    for path in (footage / "calibration").iterdir():
+    for path in (footage / "calibration").iterdir() if upright else ():
         picture = np.rot90(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE))
         path.unlink()
         cv2.imwrite(str(path), np.ascontiguousarray(picture))
     run(footage, FACTS, ask=False, find=False)
-    assert load_campaign(footage).resolution_px == (540, 960)
+    assert load_campaign(footage).resolution_px == size
 
 
 def test_pictures_of_several_kinds_are_all_taken(footage):

@@ -17,16 +17,17 @@ from studies.worlds.film import cut_off, write_video
 from studies.worlds.scenes import ceiling
 from towval.commands.calibrate import run as calibrate
 from towval.commands.check import _start
-from towval.commands.track import known_starts
+from towval.commands.track import Begun, begin, known_starts, open_video
 from towval.commands.track import run as track
 from towval.io.campaign import load_campaign
 from towval.io.mcap_file import read_provenance
 from towval.io.records import read_calibration, read_tracks, write_calibration
 from towval.io.video import Video, luma_plane
 from towval.model import Calibration, Tag
+from towval.model.conventions import FEWEST_FRAMES
 from towval.model.errors import Faults, InputError
 from towval.model.findings import finding
-from towval.model.geometry import wrapped
+from towval.model.geometry import turned_pixels, wrapped
 from towval.tracking import klt
 
 
@@ -162,7 +163,7 @@ def test_tags_are_as_good_as_clicks(campaign, tmp_path):
     given = load_campaign(folder)
     video = Video(tmp_path / "tags.mp4")
     seen = video.first_picture()
-    start = _start(given, given.runs["a"], video, seen, calibration, Faults())
+    start = _start(given, Begun(given.runs["a"], video, seen, calibration, ()), Faults())
     assert start.doubts == {}, "a check of the campaign searches for no outline where tags say it"
     track(folder, "a", tmp_path / "camera.mcap", tmp_path / "track.mcap")
     for body, found in read_tracks(tmp_path / "track.mcap").items():
@@ -173,13 +174,35 @@ def test_tags_are_as_good_as_clicks(campaign, tmp_path):
         assert np.abs(wrapped(found.pose[:, 2] - poses[body][2])).max() < np.deg2rad(1.0)
 
 
-def test_a_first_picture_that_shows_nothing_is_refused(campaign, camera, tmp_path):
-    """A film that begins with black: outlines and textures were said to be wrong."""
-    pictures = [np.full((540, 960), 16, np.uint8)] * 12
+@pytest.mark.parametrize(("grey", "noise", "said"), [(16, 0, "16 throughout$"), (0, 3, "1 throughout but for noise"),
+                                                     (128, 12, "128 throughout but for noise")])  # fmt: skip
+def test_a_first_picture_that_shows_nothing_is_refused(campaign, camera, tmp_path, grey, noise, said):
+    """A film that begins with black or grey: outlines, textures and clicks were said to be wrong."""
+    rng = np.random.default_rng(0)
+    pictures = [np.clip(grey + noise * rng.normal(size=(540, 960)), 0, 255).astype(np.uint8) for _ in range(12)]
     write_video(tmp_path / "black.mp4", ((i / 25, luma) for i, luma in enumerate(pictures)))
     folder = campaign(lambda _: None, tmp_path / "black.mp4")
-    with pytest.raises(InputError, match=r"first picture of the video .* shows nothing\n  got: the grey level 16"):
+    words = rf"(?m)first picture of the video .* shows nothing\n  got: the grey level {said}"
+    with pytest.raises(InputError, match=words):
         track(folder, "a", camera, tmp_path / "track.mcap")
+
+
+def test_a_video_of_a_camera_that_hung_the_other_way_up_is_turned(campaign, camera, lab_small, tmp_path):
+    """It was refused. Its clicks were made in the picture that players show."""
+    upside_down = ((at, np.ascontiguousarray(luma[::-1, ::-1])) for at, luma in Video(lab_small / "a.mp4"))
+    write_video(tmp_path / "turned.mp4", itertools.islice(upside_down, FEWEST_FRAMES), crf="16")
+
+    def clicked(document):
+        clicks = document["runs"]["a"]["first_frame_clicks_px"]
+        for body in clicks:
+            clicks[body] = turned_pixels(clicks[body], (960, 540), 2).tolist()
+
+    as_it_is = load_campaign(lab_small).runs["a"]
+    given = load_campaign(campaign(clicked, tmp_path / "turned.mp4"))
+    begun = begin(given, given.runs["a"], open_video(given, given.runs["a"]), read_calibration(camera))
+    assert ([one.code for one in begun.findings], begun.video.quarter_turns) == (["video_turned"], 2)
+    for body, pixels in as_it_is.clicks_px.items():
+        np.testing.assert_allclose(begun.entry.clicks_px[body], pixels)
 
 
 def test_a_cut_off_video_is_used_only_where_that_is_allowed(campaign, camera, lab_small, tmp_path):
@@ -215,7 +238,7 @@ def test_the_papers_points_leave_nothing_to_choose(campaign, camera, lab_small, 
 @pytest.mark.parametrize(
     ("codes", "words"),
     [
-        (["video_upside_down"], r"turned by 180°(.|\n)*take the tag out(.|\n)*got: the clicks do not fit"),
+        (["video_upside_down"], r"turned by 180°(.|\n)*turn the pixels(.|\n)*got: the clicks do not fit"),
         (["camera_moved_before"], "^the clicks do not fit"),
     ],
 )

@@ -167,6 +167,11 @@ def test_what_is_left_out_has_a_deviation_and_a_name(campaign):
     assert given.deviations["anchor_height"] == 0.03
 
 
+def test_a_damping_may_be_known_to_be_small_and_no_more(campaign):
+    given = load_campaign(campaign(lambda d: d["tether"].update(damping_Ns_per_m=1.0, damping_std_Ns_per_m=2.0)))
+    assert given.deviations["damping"] == 2.0
+
+
 def test_deviations_stand_for_what_is_left_out(campaign):
     """Damping: by itself, with a value, with a deviation alone, with both."""
     cases = {(): 0.05 * 2 * np.sqrt(800 * 5.8), (12.5,): 2.5, (None, 1.0): 1.0, (12.5, 2.4): 2.4}
@@ -222,6 +227,34 @@ WRONG = {
     "feet in millimetres": (
         lambda d: d["object"].update(footprint_m=[feet()[0], (10 * np.array(feet()[1])).tolist(), feet()[2]]),
         ["object.footprint_m[1]", "not under the object", "(2.15, -1.4)"],
+    ),
+    "sole in centimetres": (
+        lambda d: d["object"].update(footprint_m=(10 * np.array(d["object"]["footprint_m"])).tolist()),
+        ["object.footprint_m does not go with object.top_corners_m", "outside a top of 0.61 m"],
+    ),
+    "centre of mass above the load": (
+        lambda d: d["object"].update(centre_of_mass_height_m=1.2),
+        ["object.centre_of_mass_height_m is above the object", "at most 0.33 m"],
+    ),
+    "inertia in grams": (
+        lambda d: d["object"].update(centre_of_mass_m=[0, 0], moment_of_inertia_kg_m2=120.0),
+        ["object.moment_of_inertia_kg_m2 does not go with", "4 kg at 5.48 m", "0.031 to 0.61 m"],
+    ),
+    "inertia in tonnes": (
+        lambda d: d["object"].update(centre_of_mass_m=[0, 0], moment_of_inertia_kg_m2=0.00012),
+        ["object.moment_of_inertia_kg_m2 does not go with", "4 kg at 0.00548 m"],
+    ),
+    "deviation in grams": (
+        lambda d: d["object"].update(mass_std_kg=20),
+        ["object.mass_std_kg is not below the value", "4 ± 20 kg"],
+    ),
+    "deviation of a length in millimetres": (
+        lambda d: d["tether"].update(rest_length_std_m=1),
+        ["tether.rest_length_std_m is not below the value", "0.6 ± 1 m"],
+    ),
+    "rest length in kilometres": (
+        lambda d: d["tether"].update(rest_length_m=0.0006),
+        ["tether.rest_length_m and tether.stiffness_N_per_m", "on 0.0006 m"],
     ),
     "mass spread over something else": (lambda d: d["object"].update(mass_over="load"), ["top, footprint"]),
     "centre of mass without inertia": (

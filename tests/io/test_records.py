@@ -88,7 +88,7 @@ def watched_camera(count):
     stamps[[2, 7]] = Stamp.REPEATED, Stamp.CONTRADICTED
     camera = Camera((640, 480), np.diag([500.0, 500, 1]), np.zeros(8), "none")
     motion, added = rng.normal(size=(count, 9)), rng.normal(size=(18, 18))
-    return CameraTrack(camera, Floor(np.eye(4)), motion, picture, np.abs(picture), stamps, added=added)
+    return CameraTrack(camera, Floor(np.eye(4)), motion, picture, np.abs(picture), stamps, added=added, quarter_turns=2)
 
 
 def same(first, second):

@@ -132,3 +132,12 @@ def test_a_normalised_signature_does_not_depend_on_the_floor_frame():
         return geometry.normalised_signature(signature, covariance).max(axis=(1, 2))
 
     np.testing.assert_allclose(peak(samples @ turn.T), peak(samples), rtol=1e-9)
+
+
+@pytest.mark.parametrize("turns", range(-1, 5))
+def test_pixels_of_a_turned_picture_are_where_numpy_turns_them(turns):
+    picture = np.arange(12).reshape(3, 4)
+    turned = np.rot90(picture, turns)
+    for v, u in np.ndindex(picture.shape):
+        x, y = geometry.turned_pixels([u, v], (4, 3), turns)
+        assert turned[int(y), int(x)] == picture[v, u]

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from report_scenes import LOST, SMALL_SIZE_PX, grey_film, quarter_turned, small_calibration, towed_run
+from towval.io.video import Video
 from towval.model import CameraTrack, Floor
 from towval.model.errors import InputError
-from towval.model.geometry import transform
+from towval.model.geometry import transform, turned_pixels
 from towval.optics.projection import project
+from towval.report.film import film_view
 from towval.report.outlines import film_layers
 from towval.report.overlay import drawn_pictures, stills, write_overlay
 
@@ -189,6 +191,27 @@ def test_footage_of_a_turned_phone_comes_out_upright(calibration, run, footage, 
     with av.open(write_overlay(turned, tmp_path / "overlay.mp4", upright, run)) as film:
         context = film.streams.video[0].codec_context
         assert (context.width, context.height) == SIZE[::-1]
+
+
+def test_footage_that_was_turned_for_tracking_is_drawn_on_as_it_was_tracked(calibration, run, footage, tmp_path):
+    """And the page, whose film a browser turns by its tag, has its outlines where that shows them."""
+    turned, n = tmp_path / "turned.mp4", len(run.rover_track.time_s)
+    turned.write_bytes(quarter_turned(footage.read_bytes()))
+    turns = -Video(turned).tagged_turns() % 4
+    unknown, sound = np.full((n, 4), np.nan), np.zeros(n, dtype=np.uint8)
+    view = calibration.camera, calibration.floor
+    camera = CameraTrack(*view, np.zeros((n, 9)), unknown, unknown, sound, quarter_turns=turns)
+    tracked = dataclasses.replace(run, rover_track=dataclasses.replace(run.rover_track, camera=camera))
+    drawn = decoded(write_overlay(turned, tmp_path / "overlay.mp4", calibration, tracked))[20][1]
+    as_it_is = decoded(write_overlay(footage, tmp_path / "upright.mp4", calibration, run))[20][1]
+    assert drawn.shape == as_it_is.shape
+    assert np.abs(drawn.astype(int) - as_it_is).mean() < 1.0
+
+    film = film_view(turned, tracked, calibration, run.rover_track.time_s, "H.264", tmp_path / "report.html", False)
+    assert film.size_px == SIZE[::-1]
+    layers = film_layers(tracked, calibration, run.rover_track.time_s)
+    shown = layers.turned(SIZE, -turns).pixels()["rover"][20]
+    np.testing.assert_allclose(turned_pixels(shown, SIZE[::-1], turns), layers.pixels()["rover"][20], atol=0.1)
 
 
 def test_outlines_follow_the_camera(calibration, run):

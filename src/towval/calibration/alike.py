@@ -37,6 +37,11 @@ def without_repeats(observed: CalibrationObservations) -> tuple[CalibrationObser
     return observed.without(set(reasons)), reasons
 
 
+def lies_where(one: BoardObservation, other: BoardObservation) -> bool:
+    """Whether a chessboard lies where another picture shows one, whole both."""
+    return bool(_apart_px(other.corners_px[None], one.corners_px)[0] < CONSTANTS.apart * _square_px(one))
+
+
 def _repeats(kept: Sequence[BoardObservation], boards: Sequence[BoardObservation]) -> dict[str, str]:
     """Names of the boards that are where another one is, and the names of these."""
     every = [*kept, *sorted(boards, key=lambda each: float(np.nan_to_num(each.edge_px)))]

@@ -9,6 +9,7 @@ a perspective that the turn alone brings. No lens enters but for the focal lengt
 from collections.abc import Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -184,7 +185,8 @@ def _crops(observed: CalibrationObservations, pictures: Sequence[NamedImage], th
         name, picture = pictures[i]
         if name not in boards:
             return name, ()
-        corners, first = boards[name].corners_px, name == observed.floor_boards[0].name
+        shown, first = boards[name], name == observed.floor_boards[0].name
+        corners = [shown.corners_px] if shown.another_px is None else [shown.corners_px, shown.another_px]
         return name, tuple(_features(picture, corners, mirrored=m) for m in ((False, True) if first else (False,)))
 
     with ThreadPoolExecutor(threads) as pool:
@@ -194,13 +196,15 @@ def _crops(observed: CalibrationObservations, pictures: Sequence[NamedImage], th
     return {each.name: _crop(floor, found[each.name][0], focal_px) for each in others}
 
 
-def _features(picture: NDArray[np.uint8], corners_px: Array, *, mirrored: bool) -> _Features:
-    """Features of a picture reduced in size, without its board."""
+def _features(picture: NDArray[np.uint8], boards_px: Sequence[Array], *, mirrored: bool) -> _Features:
+    """Features of a picture reduced in size, without its boards."""
     reduced = max(1.0, picture.shape[1] / CONSTANTS.width_px)
     small = cv2.resize(picture, None, fx=1 / reduced, fy=1 / reduced, interpolation=cv2.INTER_AREA)
-    hull = cv2.convexHull(corners_px.astype(np.float32)).reshape(-1, 2)
-    grown = (hull.mean(axis=0) + CONSTANTS.board_scale * (hull - hull.mean(axis=0))) / reduced
-    mask = cv2.fillConvexPoly(np.full(small.shape, 255, dtype=np.uint8), np.rint(grown).astype(np.int32), 0)
+    mask: NDArray[Any] = np.full(small.shape, 255, dtype=np.uint8)
+    for corners_px in boards_px:
+        hull = cv2.convexHull(corners_px.astype(np.float32)).reshape(-1, 2)
+        grown = (hull.mean(axis=0) + CONSTANTS.board_scale * (hull - hull.mean(axis=0))) / reduced
+        cv2.fillConvexPoly(mask, np.rint(grown).astype(np.int32), 0)
     if mirrored:
         small, mask = cv2.flip(small, 1), cv2.flip(mask, 1)
     keys, descriptors = cv2.SIFT.create(nfeatures=CONSTANTS.features).detectAndCompute(small, mask)

@@ -1,14 +1,16 @@
 """Search for a board in many pictures: quickly first, and with a diagnosis where none is found."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from towval.calibration.alike import lies_where
 from towval.calibration.corners import (
     BoardObservation,
     charuco_layouts,
@@ -16,7 +18,7 @@ from towval.calibration.corners import (
     observe_charuco,
     observe_chessboard,
 )
-from towval.model import Board
+from towval.model import Array, Board
 from towval.model.errors import InputError
 
 NamedImage = tuple[str, NDArray[np.uint8]]
@@ -27,9 +29,12 @@ _SAMPLE = 6
 
 
 def find_boards(
-    images: Sequence[NamedImage], board: Board, threads: int
+    images: Sequence[NamedImage], board: Board, threads: int, marked_px: Mapping[str, Array] | None = None
 ) -> tuple[list[BoardObservation], dict[str, str]]:
     """Search every picture for a board, ``threads`` of them at the same time.
+
+    A picture may show another chessboard of as many corners: ``marked_px`` (2,) is a pixel of the right one, by the
+    picture's name. Elsewhere it is the one that does not stay where it is from picture to picture.
 
     Returns the boards found, in the order of the pictures, which are read when they are searched, and the name of each
     other picture with the reason. `InputError` where no picture shows the board, with the number of corners that would
@@ -58,9 +63,60 @@ def find_boards(
     if not any(found):
         what = "check that the pictures are those of the board, whole and sharp"
         raise _no_board(len(images), board, what if board.kind == "chessboard" else _of_markers(images, sample, board))
+    if board.kind == "chessboard":
+        found = _without_others(images, found, board, marked_px or {}, threads)
     reason = "no whole board found" if board.kind == "chessboard" else "too little of the board found"
     without_board = {images[i][0]: reason for i, observation in enumerate(found) if observation is None}
     return [observation for observation in found if observation is not None], without_board
+
+
+def _without_others(
+    images: Sequence[NamedImage],
+    found: Sequence[BoardObservation | None],
+    board: Board,
+    marked_px: Mapping[str, Array],
+    threads: int,
+) -> list[BoardObservation | None]:
+    """Of pictures that show two boards, the one that is marked, or the one that lies where no other picture has one.
+
+    Boards that lie where the other one is in these pictures are left out.
+    """
+
+    def others(i: int) -> list[BoardObservation]:
+        one = found[i]
+        if one is None:
+            return []
+        name, image = images[i]
+        other = observe_chessboard(name, _painted_over(image, one, board), board, thorough=False)
+        return [one] if other is None else [one, other]
+
+    with ThreadPoolExecutor(threads) as pool:
+        shown = list(pool.map(others, range(len(images))))
+
+    def strangeness(one: BoardObservation) -> tuple[float, int]:
+        mark = marked_px.get(one.name)
+        off_px = 0.0 if mark is None else float(np.linalg.norm(one.corners_px - mark, axis=1).min())
+        return off_px, sum(lies_where(one, each) for boards in shown for each in boards if each.name != one.name)
+
+    ordered = [sorted(boards, key=strangeness) if boards[1:] else [] for boards in shown]
+    strange = [boards[1] for boards in ordered if boards]
+    # Where the right one is not whole, the other one alone is found.
+    alone = [one and (None if any(lies_where(one, each) for each in strange) else one) for one in found]
+    return [
+        replace(boards[0], another_px=boards[1].corners_px) if boards else one
+        for boards, one in zip(ordered, alone, strict=True)
+    ]
+
+
+def _painted_over(image: NDArray[np.uint8], one: BoardObservation, board: Board) -> NDArray[np.uint8]:
+    """A picture without a board that was found in it."""
+    fewer = min(board.inner_corners)
+    middle = one.corners_px.mean(axis=0)
+    # There is another square beyond the outermost corners of either side.
+    outline = middle + (fewer + 1) / (fewer - 1) * (one.corners_px - middle)
+    painted = image.copy()
+    cv2.fillConvexPoly(painted, cv2.convexHull(np.rint(outline).astype(np.int32)), float(image.mean()))
+    return painted
 
 
 def _spread(indices: Sequence[int]) -> list[int]:

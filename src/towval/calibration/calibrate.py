@@ -114,18 +114,27 @@ def calibrate(
     accept that.
     """
     everything, floor_names, resolution = _listed(images, floor_images)
-    observations, without_board = find_boards(everything, board, settings.threads)
+    marked_px = {}
+    if floor_names and floor.origin_corner_px is not None and not len(floor.marks_px):
+        marked_px = {floor_names[0]: floor.origin_corner_px}
+    observations, without_board = find_boards(everything, board, settings.threads, marked_px)
     flat = _with_origin([s for s in observations if s.name in floor_names], floor_names, floor)
     held = tuple(s for s in observations if s.name not in floor_names)
     observed = CalibrationObservations(resolution, held, tuple(flat), floor, doubts_std(board, floor))
     observed, unsure, behind = as_floor_shows(observed, everything, settings.threads)
     calibration = calibrate_observations(observed, settings, without_board | unsure, heights_m=heights_m)
-    calibration = replace(calibration, findings=(*calibration.findings, *behind))
+    calibration = replace(calibration, findings=(*calibration.findings, *behind, *_beside_another(observations)))
     refusals = [finding.text for finding in calibration.findings if finding.severity is Severity.REFUSAL]
     if refusals and not settings.accept_refused:
         remedy = None if len(everything) > len(floor_images) else _NONE_IS_HELD
         raise RefusedError("the calibration views are degenerate", got=" ".join(refusals), remedy=remedy)
     return calibration
+
+
+def _beside_another(observations: Sequence[BoardObservation]) -> list[Finding]:
+    """A note on the pictures that show another board, which may be mistaken for the right one."""
+    names = [one.name for one in observations if one.another_px is not None]
+    return [finding("boards-alike", names=some_of(names), count=len(names))] if names else []
 
 
 @dataclass(frozen=True)

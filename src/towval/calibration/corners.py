@@ -36,6 +36,7 @@ class BoardObservation:
     (n, 2) are the corners from the board's middle, over half its longer side, which lies along x; by default those of
     the smallest rectangle about ``board_m``. ``edge_px`` is how wide the edges of the squares are in the picture, from
     10 to 90 % of their contrast, of those along the board or across it, the wider; NaN where it is not known.
+    ``another_px`` (n, 2): corners of another board of as many that the picture shows, None where there is none.
     """
 
     name: str
@@ -43,6 +44,7 @@ class BoardObservation:
     board_m: Array
     pattern: Array | None = None
     edge_px: float = np.nan
+    another_px: Array | None = None
 
     @property
     def on_board(self) -> Array:

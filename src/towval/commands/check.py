@@ -18,21 +18,12 @@ from towval.calibration.corners import outer_corners
 from towval.commands.calibrate import calibrated
 from towval.commands.console import step
 from towval.commands.run_folder import same_footage
-from towval.commands.track import (
-    calibrated_at_start,
-    findings_of_rate,
-    first_picture,
-    floor_pictures,
-    known_starts,
-    open_video,
-    spread_pictures,
-)
+from towval.commands.track import Begun, begin, findings_of_rate, known_starts, open_video, spread_pictures
 from towval.io.campaign import Campaign, Run, read_campaign, read_document
 from towval.io.campaign_text import text_in_parts
 from towval.io.images import GrayPictures, write_picture
 from towval.io.schema import key_lines
-from towval.io.video import Luma, Video
-from towval.model import Array, Body, Calibration, Finding, Severity
+from towval.model import Array, Body, Finding, Severity
 from towval.model.errors import Faults, InputError, TowvalError
 from towval.model.findings import leaves_unjudged
 from towval.model.input_types import value_of
@@ -110,18 +101,14 @@ def _runs(given: Campaign, pictures: Path, faults: Faults, warnings: list[str]) 
             continue
         step(f"check: look at the start of run {name}")
         stamps_s = faults.attempt(video.stamps_s)
-        luma = faults.attempt(first_picture, given, given.runs[name], video)
-        if stamps_s is None or luma is None:
+        begun = faults.attempt(begin, given, given.runs[name], video, calibration)
+        if stamps_s is None or begun is None:
             continue
-        at_start, moved = faults.attempt(calibrated_at_start, calibration, video, luma, floor_pictures(given)) or (
-            calibration,
-            (),
-        )
-        for found in (*findings_of_rate(given, video, stamps_s), *moved):
+        for found in (*findings_of_rate(given, video, stamps_s), *begun.findings):
             _tell(found, given.runs[name], faults, warnings)
         # Where the camera does not show the floor as its pictures do, neither starts nor clicks fit, as for that stage.
-        told = Faults() if any(map(leaves_unjudged, moved)) else faults
-        start = told.attempt(_start, given, given.runs[name], video, luma, at_start, told)
+        told = Faults() if any(map(leaves_unjudged, begun.findings)) else faults
+        start = told.attempt(_start, given, begun, told)
         if start is None:
             continue
         starts[name] = start
@@ -144,12 +131,12 @@ def _tell(found: Finding, entry: Run, faults: Faults, warnings: list[str]) -> No
         warnings.append(f"run {entry.name}: {found.text}")
 
 
-def _start(given: Campaign, entry: Run, video: Video, luma: Luma, at_start: Calibration, faults: Faults) -> StartOfRun:
+def _start(given: Campaign, begun: Begun, faults: Faults) -> StartOfRun:
     """Where rover and object are in the first frame of a run: clicked and checked, or found.
 
-    ``at_start`` is the calibration of the first frame, with which the stage track begins. Clicks for which that stage
-    would refuse the run are a fault; their start is drawn all the same.
+    Clicks for which the stage track would refuse the run are a fault; their start is drawn all the same.
     """
+    entry, video, luma, at_start = begun.entry, begun.video, begun.luma, begun.calibration
     tow = Tow.of(given.scene)
     corners, doubts = {}, {}
     for name, clicked in known_starts(given, entry, (luma, video.late_picture()), at_start).items():
@@ -241,7 +228,8 @@ def _floor_board(given: Campaign) -> FloorBoard | None:
     if reference.origin_corner_px is None or reference.x_axis_end_corner_px is None:
         return None
     pictures = GrayPictures(given.floor_images[:1], given.resolution_px)
-    board = find_boards(pictures, given.board, 1)[0][0]
+    marked_px = {given.floor_images[0].name: reference.origin_corner_px}
+    board = find_boards(pictures, given.board, 1, marked_px)[0][0]
     corners_px = board.corners_px[outer_corners(board.board_m)]
     origin, end = (
         int(np.argmin(np.hypot(*(corners_px - pixel).T)))

@@ -32,7 +32,7 @@ def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path) -> 
 
 def film_pictures(entry: Run, calibration: Calibration, record: RunRecord) -> Iterator[Still]:
     """The pictures of the footage as they are stored, where viewers take them and each has a pose; else drawn ones."""
-    coded, time_s = coded_video(Video(entry.video)), record.rover_track.time_s
+    coded, time_s = coded_video(Video(entry.video, quarter_turns=record.quarter_turns)), record.rover_track.time_s
     if coded is None or len(coded.time_s) != len(time_s):
         yield from drawn_pictures(entry.video, calibration, record, damaged=entry.damaged_video)
         return

@@ -21,7 +21,7 @@ from towval.commands.settings import nested
 from towval.io.atomic import write_text
 from towval.io.campaign import IMAGE_SUFFIXES, campaign_schema
 from towval.io.campaign_text import GUESS, RunClicks, campaign_text, text_in_parts
-from towval.io.images import GrayPictures
+from towval.io.images import GrayPictures, stated_size
 from towval.io.schema import faults_of
 from towval.io.video import Video
 from towval.io.yaml_text import read_value, read_yaml
@@ -216,9 +216,12 @@ def _look_at_files(draft: Draft) -> None:
                 name += "_2"
             draft.put(f"runs.{name}", {"video": path.as_posix()})
     if not draft.known("camera.resolution_px"):
-        # A phone held upright stores its pictures lying, with a tag by which they are turned.
+        # A phone held upright stores videos lying, with a tag by which they are turned; its photos, too, or upright.
         height, width = Video(draft.folder / next(iter(draft.document["runs"].values()))["video"]).first_picture().shape
-        draft.put("camera.resolution_px", [width, height], "From the first video.")
+        sizes = {stated_size(draft.folder / path) for path in pictures}
+        lies = (height, width) in sizes and (width, height) not in sizes
+        size, source = ([height, width], "pictures") if lies else ([width, height], "first video")
+        draft.put("camera.resolution_px", size, f"From the {source}.")
     if not pictures and not draft.known("camera.calibration_images"):
         raise InputError(f"{draft.folder} holds no picture of the board", allowed=", ".join(IMAGE_SUFFIXES))
     flat = [path for path in pictures if "floor" in path.stem.lower()]

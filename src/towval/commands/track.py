@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,14 +22,14 @@ from towval.model import Array, Body, Calibration, Finding, Track
 from towval.model.conventions import FEWEST_FRAMES
 from towval.model.errors import InputError
 from towval.model.findings import finding, leaves_unjudged
-from towval.model.geometry import polygon_area
+from towval.model.geometry import polygon_area, turned_pixels
 from towval.report.wording import millimetres
 from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking
 from towval.tracking.camera_motion import CONSTANTS as CAMERA_MOTION
 from towval.tracking.camera_motion import calibration_at_start
 from towval.tracking.clicks import Clicked, check_clicks, overstretched, unsure_start
 from towval.tracking.markers import clicks_from_tags
-from towval.tracking.outline import pose_from_clicks
+from towval.tracking.outline import observe_outline, pose_from_clicks
 from towval.tracking.overlay import standing_still
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.rate import rate_findings, usual_steps_s
@@ -37,6 +38,7 @@ from towval.tracking.total_covariance import with_readout, with_wider_start
 from towval.tracking.track import TrackSettings, track
 
 _MOST_PICTURES = 16  # for the background
+_TILES, _FAINTEST = (16, 9), 0.5  # Half a grey level is what rounding leaves of a picture.
 _MOST_FLOORS = 8  # pictures of the floor, to see whether the camera moved since
 
 
@@ -58,10 +60,10 @@ def run(
     given = load_campaign(campaign)
     entry = given.run(name)
     check_together({"camera.mcap": camera}, given.document)
-    video = open_video(given, entry)
     measured = read_calibration(camera)
-    first_and_late = first_picture(given, entry, video), video.late_picture()
-    calibration, since = calibrated_at_start(measured, video, first_and_late[0], floor_pictures(given))
+    begun = begin(given, entry, open_video(given, entry), measured)
+    entry, video, calibration, since = begun.entry, begun.video, begun.calibration, begun.findings
+    first_and_late = begun.luma, video.late_picture()
     with _blaming_the_camera(since):
         starts = _starts(given, entry, video, first_and_late, calibration, output.with_name("start.png"))
         clicks = {name: start.corners_px for name, start in starts.items()}
@@ -80,6 +82,7 @@ def run(
         findings = (*start.findings, *found.findings, *(one for one in added if one not in start.findings))
         found = with_readout(with_wider_start(found, start.spread), calibration, body, *_readout(given))
         camera_track = found.camera and found.camera.with_added(calibration.covariance - measured.covariance)
+        camera_track = camera_track and replace(camera_track, quarter_turns=video.quarter_turns)
         tracks[body.name] = replace(found, findings=findings, camera=camera_track)
     seen = entry.video, *given.floor_images[:_MOST_FLOORS]
     made_of = provenance(
@@ -182,8 +185,8 @@ def _seen(tracked: Track) -> dict[str, float]:
 def open_video(given: Campaign, entry: Run) -> Video:
     """The video of a run.
 
-    Raises `InputError` when it is no video, or of another size than the calibration pictures, also when it is turned,
-    or holds too few pictures for a run.
+    Raises `InputError` when it is no video, or of another size than the calibration pictures however it is turned, or
+    holds too few pictures for a run.
     """
     video = Video(entry.video, damaged=entry.damaged_video)
     if tuple(video.header.resolution_px) not in (given.resolution_px, given.resolution_px[::-1]):
@@ -207,27 +210,79 @@ def open_video(given: Campaign, entry: Run) -> Video:
 def first_picture(given: Campaign, entry: Run, video: Video) -> Luma:
     """The first picture of a run (height, width).
 
-    Raises `InputError` when players turn the video and it then lies otherwise than the calibration pictures, and when
-    the picture shows nothing.
+    Raises `InputError` when it shows nothing, or has another size than the calibration pictures.
     """
     luma = video.first_picture()
-    if luma.min() == luma.max():
+    # Each tile is the mean of so many pixels that little of the sensor's noise is left.
+    tiles = cv2.resize(luma.astype(np.float32), _TILES, interpolation=cv2.INTER_AREA)
+    if tiles.std() < _FAINTEST:
         raise InputError(
             f"the first picture of the video {entry.video.name} shows nothing",
-            got=f"the grey level {luma[0, 0]} throughout",
+            got=f"the grey level {luma.mean():.0f} throughout" + " but for noise" * bool(np.ptp(luma)),
             allowed="a picture of floor and bodies, which are followed from there on",
             remedy="cut the video so that it begins with such a picture, and click in that",
         )
-    if luma.shape[::-1] != given.resolution_px:
-        raise InputError(
-            f"the video {entry.video.name} lies otherwise than the calibration pictures",
-            got=f"{luma.shape[1]} × {luma.shape[0]}, as players turn it",
-            allowed=" × ".join(map(str, given.resolution_px)),
-            remedy="take the tag for rotation out of the video (ffmpeg -display_rotation 0 -i IN -c copy OUT), as that "
-            "of a picture (EXIF) is not applied either; or turn the pixels of the pictures as players turn the video, "
-            "and state that size as camera.resolution_px",
-        )
     return luma
+
+
+@dataclass(frozen=True)
+class Begun:
+    """The start of a run's video, which is turned to lie as the pictures of the calibration.
+
+    ``entry`` has its clicks in the first picture ``luma`` (height, width), ``calibration`` is that of this picture;
+    ``findings`` are about the camera since the calibration.
+    """
+
+    entry: Run
+    video: Video
+    luma: Luma
+    calibration: Calibration
+    findings: tuple[Finding, ...]
+
+
+def begin(given: Campaign, entry: Run, video: Video, measured: Calibration) -> Begun:
+    """Turn a video to lie as the pictures of the calibration ``measured``, and refer that to its first picture.
+
+    A phone that lies flat guesses which way is up, for each picture and video anew, and states that in a tag. So the
+    floor decides: pictures are those of one sensor, and where a video as players turn it has another size, or shows the
+    floor upside down, it is turned.
+    """
+    luma, floors = first_picture(given, entry, video), floor_pictures(given)
+    if luma.shape[::-1] != given.resolution_px:
+        # As it is stored: so are the pictures.
+        video = video.turned(-video.tagged_turns())
+        luma = video.first_picture()
+    calibration, since = calibrated_at_start(measured, video, luma, floors)
+    if any(found.code == "video_upside_down" for found in since):
+        other_way = video.turned(2)
+        other_luma = other_way.first_picture()
+        again, found = calibrated_at_start(measured, other_way, other_luma, floors)
+        if not any(map(leaves_unjudged, found)):
+            video, luma, calibration, since = other_way, other_luma, again, found
+    if video.quarter_turns:
+        since = (*since, finding("video_turned", degrees=90 * video.quarter_turns))
+        clicks_px = _clicks_in(luma, entry.clicks_px, video.quarter_turns, given.bodies, calibration)
+        entry = replace(entry, clicks_px=clicks_px)
+    return Begun(entry, video, luma, calibration, since)
+
+
+def _clicks_in(
+    luma: Luma, clicks_px: Mapping[str, Array], quarter_turns: int, bodies: Sequence[Body], calibration: Calibration
+) -> dict[str, Array]:
+    """Clicks (n, 2) in a first picture that was turned: made in it, or in the picture as players turn it.
+
+    They count as made in it unless more tops show their edges where the others would be.
+    """
+    height, width = luma.shape
+    shown_px = (width, height) if quarter_turns % 2 == 0 else (height, width)
+    turned = {name: turned_pixels(pixels, shown_px, quarter_turns) for name, pixels in clicks_px.items()}
+
+    def seen(clicks: Mapping[str, Array]) -> int:
+        targets = [PlanarTarget(body, calibration.camera, calibration.floor) for body in bodies if body.name in clicks]
+        poses = [pose_from_clicks(target, clicks[target.body.name])[0] for target in targets]
+        return sum(observe_outline(luma, *each) is not None for each in zip(targets, poses, strict=True))
+
+    return max((dict(clicks_px), turned), key=seen)
 
 
 def findings_of_rate(given: Campaign, video: Video, time_s: Array) -> tuple[Finding, ...]:

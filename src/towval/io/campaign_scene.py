@@ -10,7 +10,7 @@ import shapely
 from towval.model import Array, FloorRegion, FrictionSpecification, Ground, Load, MassSpread, Patch, Tether, TowingScene
 from towval.model.errors import Faults, InputError
 from towval.model.geometry import inside_polygon, polygon_area
-from towval.model.inputs import deviations
+from towval.model.inputs import INPUTS, deviations, stated_in
 from towval.physics.footprint import convex_hull, footprint_polygon
 from towval.physics.mass import spread_over, towed_object
 
@@ -56,6 +56,8 @@ def towing_scene(document: Keys) -> TowingScene:
     scene = replace(scene, tether=replace(scene.tether, stiffening=stiffening, full_load=full_load))
     faults.attempt(_check_load, towed, load)
     faults.attempt(_check_proportions, scene, towed)
+    faults.attempt(_check_extent, scene, towed)
+    faults.attempt(_check_deviations, scene, document)
     faults.attempt(_check_weight, scene)
     faults.attempt(_check_tether, scene)
     if not faults:
@@ -250,10 +252,10 @@ def _check_proportions(scene: TowingScene, towed: Keys) -> None:
     tether, pull = scene.tether, scene.friction.static * scene.weight
     if pull > _MOST_STRETCH * tether.stiffness * tether.rest_length:
         raise InputError(
-            "campaign.yaml: tether.stiffness_N_per_m does not go with the weight of the object",
+            "campaign.yaml: tether.rest_length_m and tether.stiffness_N_per_m do not go with the weight of the object",
             got=f"{pull / tether.stiffness:.3g} m of stretch before the object slides, on {tether.rest_length:g} m",
             allowed=f"at most {_MOST_STRETCH:g} times the rest length",
-            remedy="check the units: newtons per metre of stretch",
+            remedy="check the units: metres of rest length, newtons per metre of stretch",
         )
     critical = scene.critical_damping
     if tether.damping > _MOST_DAMPING * critical:
@@ -262,6 +264,60 @@ def _check_proportions(scene: TowingScene, towed: Keys) -> None:
             got=f"{tether.damping:g}, {tether.damping / critical:.0f} times the critical damping",
             allowed=f"at most {_MOST_DAMPING * critical:.3g}",
             remedy="check the units: newtons per metre a second",
+        )
+
+
+_LEAST_GYRATION = 0.1
+"""Radius of gyration over the object's reach; evenly spread masses have half of it or more."""
+
+
+def _check_extent(scene: TowingScene, towed: Keys) -> None:
+    """Question where the object's mass and its sole are beside its top, which the camera sees."""
+    top = np.array(towed["top_corners_m"], dtype=float)
+    highest = towed["tracked_plane_height_m"] + float(scene.load.size[2])
+    if "centre_of_mass_height_m" in towed and scene.centre_of_mass_height > highest:
+        raise InputError(
+            "campaign.yaml: object.centre_of_mass_height_m is above the object",
+            got=f"{scene.centre_of_mass_height:g} m",
+            allowed=f"at most {highest:g} m, where the top (object.tracked_plane_height_m) with the load ends",
+            remedy="check the units: metres above the floor",
+        )
+    reach = float(np.max(np.hypot(*(top[:, None] - top[None]).T)))
+    sole = shapely.MultiPoint(convex_hull(scene.patch).exterior.coords).geoms
+    beyond = max(shapely.Polygon(top).distance(corner) for corner in sole)
+    if beyond > reach:
+        raise InputError(
+            "campaign.yaml: object.footprint_m does not go with object.top_corners_m",
+            got=f"a corner {beyond:.3g} m outside a top of {reach:.3g} m",
+            allowed="a footprint that reaches no farther beyond the top than that is long",
+            remedy="check the units: metres in the object's frame",
+        )
+    if scene.spread is None or "moment_of_inertia_kg_m2" not in towed:
+        return
+    gyration = scene.spread.gyration
+    if not _LEAST_GYRATION * reach / 2 <= gyration <= reach:
+        raise InputError(
+            "campaign.yaml: object.moment_of_inertia_kg_m2 does not go with the object's mass and size",
+            got=f"{towed['moment_of_inertia_kg_m2']:g} kg m², as of {scene.body_mass:g} kg at {gyration:.3g} m from "
+            "the middle",
+            allowed=f"{_LEAST_GYRATION * reach / 2:.2g} to {reach:.2g} m",
+            remedy="check the units: kilograms times square metres, without the load",
+        )
+
+
+def _check_deviations(scene: TowingScene, document: Keys) -> None:
+    """Question stated deviations of positive inputs that are no smaller than their values: usually a wrong unit."""
+    for row in INPUTS.values():
+        key, value = row.stated.key if row.stated else "", row.values(scene)
+        std = stated_in(document, key)
+        # Inputs that act by their size, such as heights and damping, may be known to be small and no more.
+        if std is None or len(value) > 1 or not 0 < value[0] <= std or row.acts_by_size(scene, -float(value[0])):
+            continue
+        raise InputError(
+            f"campaign.yaml: {key} is not below the value it belongs to",
+            got=f"{row.label} {value[0]:g} ± {std:g} {row.unit}".rstrip(),
+            allowed=f"below {value[0]:g}",
+            remedy="check the units: a deviation has that of its value",
         )
 
 

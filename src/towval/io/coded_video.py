@@ -35,7 +35,7 @@ def coded_video(video: Video) -> CodedVideo | None:
     """A video whose pictures viewers take one by one; None where they would show it wrongly or not at all.
 
     They take H.264 and H.265 whose pictures are coded in the order in which they are shown (no B frames), from a
-    keyframe on, upright and with nothing cut off.
+    keyframe on, turned as they are stored, and with nothing cut off.
     """
     try:
         with video.opened() as film:
@@ -45,13 +45,12 @@ def coded_video(video: Video) -> CodedVideo | None:
             if context.name not in _PASSED_ON or base is None or (context.extradata or b"")[:1] != b"\x01":
                 return None
             packets = [(p.pts, p.is_keyframe, p.is_discard, p.is_corrupt) for p in film.demux(stream) if p.size]
-            film.seek(0, stream=stream)
-            upright = not next(film.decode(stream)).rotation
+            as_stored = (video.tagged_turns() + video.quarter_turns) % 4 == 0
     except (av.FFmpegError, LookupError, StopIteration):
         return None
     pts = [each[0] for each in packets]
     # Times may be stored in coding order although pictures are coded out of it: some writers of MP4 do that.
-    in_order = not context.has_b_frames and upright
+    in_order = not context.has_b_frames and as_stored
     if not in_order or None in pts or not packets[0][1] or any(discard or corrupt for *_, discard, corrupt in packets):
         return None
     time_s = np.array([float(each * base) for each in pts if each is not None])

@@ -96,27 +96,31 @@ def seconds(frame: av.VideoFrame, stream: av.VideoStream) -> float:
     return float(ticks(frame) * time_base(stream))
 
 
-def upright_size(frame: av.VideoFrame) -> tuple[int, int]:
-    """Width and height [px] of a frame once it is turned upright."""
-    return (frame.height, frame.width) if _is_lying(frame) else (frame.width, frame.height)
+def upright_size(frame: av.VideoFrame, quarter_turns: int = 0) -> tuple[int, int]:
+    """Width and height [px] of a frame once it is turned as players turn it, and by ``quarter_turns`` more."""
+    return (frame.height, frame.width) if _is_lying(frame, quarter_turns) else (frame.width, frame.height)
 
 
-def as_rgb(frame: av.VideoFrame, size_px: tuple[int, int]) -> Picture:
-    """A frame upright and scaled to a width and height."""
+def as_rgb(frame: av.VideoFrame, size_px: tuple[int, int], quarter_turns: int = 0) -> Picture:
+    """A frame turned as players turn it, and by ``quarter_turns`` more, and scaled to a width and height."""
     # Where no colour matrix is stated: BT.709 for HD, BT.601 below, as is customary.
     unspecified = frame.colorspace not in (Colorspace.ITU709, Colorspace.ITU601)
     matrix = (Colorspace.ITU709 if frame.height >= 720 else Colorspace.ITU601) if unspecified else frame.colorspace
-    size = size_px[::-1] if _is_lying(frame) else size_px
+    size = size_px[::-1] if _is_lying(frame, quarter_turns) else size_px
     # Scaling first, then converting to RGB, takes a third of the time of both at once.
     scaled = frame.reformat(*size, interpolation="AREA")
     picture = scaled.reformat(format="rgb24", src_colorspace=matrix).to_ndarray().astype(np.uint8, copy=False)
-    # Phones store the sensor's picture and a rotation; the camera was calibrated on upright pictures.
-    return np.ascontiguousarray(upright(picture, frame.rotation))
+    # Phones store the sensor's picture and a rotation.
+    return np.ascontiguousarray(upright(picture, _turn_deg(frame, quarter_turns)))
 
 
-def _is_lying(frame: av.VideoFrame) -> bool:
-    """Whether width and height change places when the frame is turned upright."""
-    return round(frame.rotation / 90) % 2 == 1
+def _turn_deg(frame: av.VideoFrame, quarter_turns: int) -> float:
+    return frame.rotation + 90 * quarter_turns
+
+
+def _is_lying(frame: av.VideoFrame, quarter_turns: int) -> bool:
+    """Whether width and height change places when the frame is turned."""
+    return round(_turn_deg(frame, quarter_turns) / 90) % 2 == 1
 
 
 def check_film_replaceable(path: Path) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
+from typing import BinaryIO
 
 import cv2
 import numpy as np
@@ -25,7 +26,7 @@ def read_gray(path: Path, resolution_px: tuple[int, int]) -> NDArray[np.uint8]:
     """
     most = _MOST_BYTES + _MOST_BYTES_A_PIXEL * resolution_px[0] * resolution_px[1]
     data = read_bytes(path, most, "copy the file again, or take it out of the folder")
-    size = _stated_size(data)
+    size = _stated_size(BytesIO(data))
     image = _decoded(data) if size == tuple(resolution_px) else None
     if size is None or (image is None and size == tuple(resolution_px)):
         raise InputError(
@@ -35,17 +36,28 @@ def read_gray(path: Path, resolution_px: tuple[int, int]) -> NDArray[np.uint8]:
             remedy="copy the file again, or take it out of the folder",
         )
     if image is None or image.shape[::-1] != size:
-        upright = size[::-1] == tuple(resolution_px)
-        turn = "turn its pixels as those of the video lie; a tag for orientation in the file is not applied"
+        remedy = "take the pictures in the mode that filmed the runs; of a phone, from a film (docs/calibration.md)"
+        if size[::-1] == tuple(resolution_px):
+            remedy = (
+                f"state {list(size)} as camera.resolution_px where all pictures have that size (videos are turned as "
+                "they lie), or turn its pixels; a tag for orientation in the file is not applied"
+            )
         raise InputError(
             f"{path} has another size than camera.resolution_px",
             got=f"{size[0]} × {size[1]}",
             allowed=f"{resolution_px[0]} × {resolution_px[1]}",
-            remedy=turn
-            if upright
-            else "take the pictures in the mode that filmed the runs; of a phone, from a film (docs/calibration.md)",
+            remedy=remedy,
         )
     return image
+
+
+def stated_size(path: Path) -> tuple[int, int] | None:
+    """Width and height [px] that a picture states, as stored; None for what is none."""
+    try:
+        with path.open("rb") as file:
+            return _stated_size(file)
+    except OSError:
+        return None
 
 
 def turned_by_tag(path: Path) -> bool:
@@ -74,13 +86,13 @@ _MOST_BYTES_A_PIXEL = 8
 """Of a file, above what its pixels take without compression in colour at 16 bits."""
 
 
-def _stated_size(data: bytes) -> tuple[int, int] | None:
+def _stated_size(data: BinaryIO) -> tuple[int, int] | None:
     """Width and height that a picture claims, before anything is unpacked; None for what is no picture."""
     try:
         with warnings.catch_warnings():
             # The size that is read here is compared with that of the camera.
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(BytesIO(data)) as picture:
+            with Image.open(data) as picture:
                 return picture.size
     except _UNREADABLE:
         return None

@@ -23,7 +23,7 @@ Luma = NDArray[np.uint8]
 
 # Each decoder thread holds frames of its own: more of them than this buy little and cost memory at 4K.
 _MOST_THREADS = 4
-_QUARTER_TURN_DEG = 90
+_QUARTER_TURN_DEG, _FULL_TURN = 90, 4
 _PACKETS_LOOKED_AT = 100
 _CUT_OFF = "the file ends early"
 _DEEPEST_BITS = 16  # Of whole numbers.
@@ -54,16 +54,18 @@ class Video:
     """A video file, of any container and codec of FFmpeg, as an iterable of ``(time_s, luma)``.
 
     ``time_s`` is the presentation time [s] exactly as stored, a start offset included; ``luma`` (height, width) uint8
-    is the Y plane, turned upright where the file carries a rotation. Nothing is converted or copied for 8-bit planar
-    video, so a frame's array is read-only and only one frame is held at a time. Deeper video is cut to 8 bits.
+    is the Y plane, turned as players turn it where the file carries a rotation, and by ``quarter_turns`` more,
+    counter-clockwise. Nothing is converted or copied for 8-bit planar video, so a frame's array is read-only and only
+    one frame is held at a time. Deeper video is cut to 8 bits.
 
     Raises `InputError` where the file is missing or no video; while iterating, where times are missing or do not
     increase, no frame is good, or the file is damaged or truncated: with ``damaged`` its good part is used instead.
     """
 
-    def __init__(self, path: str | os.PathLike[str], *, damaged: bool = False):
+    def __init__(self, path: str | os.PathLike[str], *, damaged: bool = False, quarter_turns: int = 0):
         self.path = Path(path)
         self.go_on_when_damaged = damaged
+        self.quarter_turns = quarter_turns
         self.decoded_frames = 0
         self.last_time_s = float("nan")
         self.findings: tuple[Finding, ...] = ()
@@ -117,7 +119,7 @@ class Video:
                         self._damage("a frame is corrupt" if frame.is_corrupt else "its pictures change size")
                         return
                     time_s = self._time(frame, None if pts is None else pts[self.decoded_frames])
-                    yield time_s, upright(luma_plane(frame), frame.rotation)
+                    yield time_s, self._luma(frame)
                     self.decoded_frames, self.last_time_s = self.decoded_frames + 1, time_s
             except av.error.FFmpegError as error:
                 self._damage(str(error.strerror))
@@ -126,6 +128,18 @@ class Video:
             raise InputError(f"{self.path.name} holds no frame that decodes", remedy="copy the file again")
         if is_cut_off(self.path) or not self._reached_the_end():
             self._damage(_CUT_OFF)
+
+    def turned(self, quarter_turns: int) -> "Video":
+        """The same video with its pictures turned counter-clockwise, by quarter turns more than here."""
+        turns = (self.quarter_turns + quarter_turns) % _FULL_TURN
+        return Video(self.path, damaged=self.go_on_when_damaged, quarter_turns=turns)
+
+    def tagged_turns(self) -> int:
+        """Quarter turns, counter-clockwise, by which players turn the stored pictures."""
+        with self.opened() as container:
+            for frame in container.decode(shown(container)):
+                return round(frame.rotation / _QUARTER_TURN_DEG) % _FULL_TURN
+        return 0
 
     def first_picture(self) -> Luma:
         """The first picture (height, width)."""
@@ -148,7 +162,7 @@ class Video:
                 if np.isfinite(self.header.end_s) and stream.time_base:
                     container.seek(int(self.header.end_s / stream.time_base), stream=stream)
                 for frame in container.decode(stream):
-                    late = upright(luma_plane(frame), frame.rotation)
+                    late = self._luma(frame)
                     if (frame.pts or 0) > (stream.start_time or 0) and frame.key_frame:
                         break
         return self.first_picture() if late is None else np.ascontiguousarray(late)
@@ -211,6 +225,9 @@ class Video:
                     if packet.pts is not None and packet.dts is not None:
                         ahead.add(packet.pts - packet.dts)
             return bool(stream.codec_context.has_b_frames) and len(ahead) == 1
+
+    def _luma(self, frame: av.VideoFrame) -> Luma:
+        return upright(luma_plane(frame), frame.rotation + _QUARTER_TURN_DEG * self.quarter_turns)
 
     def _time(self, frame: av.VideoFrame, pts: int | None) -> float:
         pts = frame.pts if pts is None else pts
@@ -307,5 +324,5 @@ def luma_plane(frame: av.VideoFrame) -> Luma:
 
 def upright(luma: Luma, rotation_deg: float) -> Luma:
     """The picture turned counter-clockwise by a container's rotation, in quarter turns [deg]."""
-    turns = round(rotation_deg / _QUARTER_TURN_DEG) % 4
+    turns = round(rotation_deg / _QUARTER_TURN_DEG) % _FULL_TURN
     return np.rot90(luma, turns) if turns else luma

@@ -197,6 +197,12 @@ register(  # calibrate
         "(RMS over the picture). Take the pictures from a film in the mode of the runs (docs/calibration.md).",
     ),
     FindingType(
+        "boards-alike", "calibrate", NOTE, NONE,
+        "{count} pictures ({names}) show two chessboards with these numbers of corners. In the first picture of the "
+        "floor the one at floor.origin_corner_px counts, elsewhere the one that is not where other pictures show one, "
+        "too. Take the other one away.",
+    ),
+    FindingType(
         "pictures-tagged", "calibrate", NOTE, NONE,
         "{count} of {pictures} pictures ({first} the first of them) carry a tag for orientation (EXIF), by which "
         "viewers turn them. They are used as they are stored, as the sensor saw them. Pixels in campaign.yaml (of the "

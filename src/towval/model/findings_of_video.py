@@ -36,6 +36,18 @@ register(  # track
         "progressively, or make a picture of each field.",
     ),
     FindingType(
+        "floor_moved", "track", WARNING, NOT_JUDGED,
+        "From {time_s:.2f} s on the floor is displaced in the picture, by {by_mm:.0f} mm where the bodies are, but the "
+        "bodies are not: the floor moved under them (a mat, a carpet), or light on it did, and not the camera. Poses "
+        "are relative to it. Fix the floor and film again.",
+    ),
+    FindingType(
+        "top_lifted", "track", WARNING, NOT_JUDGED,
+        "The top of {name} is seen {percent:+.1f} % larger about {time_s:.2f} s than in the rest of the run, as one "
+        "that is {by_mm:.0f} mm higher or lower: it was lifted, or it climbed on something. Its poses then are not on "
+        "the floor, and no model of a tow moves it so.",
+    ),
+    FindingType(
         "picture_warped", "track", WARNING, WIDENS_TRACKING,
         "Places of the still floor are displaced against each other by {scattered_px:.2f} px: a camera that shakes "
         "while it reads its rows, or compression. This is added to the deviations of the poses. Damp the mount, and "
@@ -72,10 +84,15 @@ register(  # track
     ),
     FindingType(
         "video_upside_down", "track", WARNING, NOT_JUDGED,
-        "The video shows the floor turned by 180° against the pictures of the floor. Tags for rotation do not tell how "
-        "the camera hung; a video's is applied, a picture's (EXIF) is not. Poses are wrong; take the tag out of the "
-        "video if it has one (ffmpeg -display_rotation 0 -i IN -c copy OUT), or turn the pixels of the pictures as the "
-        "video shows the floor.",
+        "The video shows the floor turned by 180° against the pictures of the floor, and cannot be used turned back. "
+        "Poses are wrong; turn the pixels of the video, or photograph the floor board again with the camera as it "
+        "films.",
+    ),
+    FindingType(
+        "video_turned", "track", NOTE, NONE,
+        "The video was turned by {degrees}° counter-clockwise against how players show it, so that it lies as the "
+        "pictures of the calibration do. Tags for rotation do not tell how the camera hung. Pixels of the first frame "
+        "count in the picture thus turned, which check/start.html shows.",
     ),
     FindingType(
         "camera_not_registered", "track", WARNING, NOT_JUDGED,
@@ -91,7 +108,8 @@ register(  # track
         "jumped", "track", WARNING, NOT_JUDGED,
         "{name} jumps {count} times between two pictures, by up to {by_mm:.0f} mm, first at {time_s:.2f} s: more than "
         "wheels or a tether can make it. Either a part of the picture stood still before (lost packets), or pictures "
-        "were lost, or something else was taken for {name}. Look at the video there, and record it again.",
+        "were lost, cut out (joined takes) or left out (a time lapse), or something else was taken for {name}. Look at "
+        "the video there, and use it up to there or record it again.",
     ),
     FindingType(
         "pictures_missing", "track", NOTE, NONE,

@@ -289,3 +289,19 @@ def _normalised(error: Array, covariance: Array) -> Array:
     square = np.einsum("...ni,nij,...nj->...n", error[..., :2], inverse_position, error[..., :2])
     turn = np.sqrt(np.maximum(heading, max(_FLOOR_SHARE**2 * float(np.mean(heading)), 1e-18)))
     return np.stack([np.sqrt(square), np.abs(error[..., 2]) / turn], axis=-1)
+
+
+def turned_pixels(pixels: ArrayLike, size_px: tuple[int, int], quarter_turns: int) -> Array:
+    """Where pixels (..., 2) of a picture of ``size_px`` (width, height) are once it is turned.
+
+    It is turned counter-clockwise, as it is seen.
+
+    Examples
+    --------
+    >>> turned_pixels([0, 0], (640, 480), 1)
+    array([  0., 639.])
+    """
+    at = np.asarray(pixels, dtype=np.float64)
+    for _ in range(quarter_turns % 4):
+        at, size_px = np.stack([at[..., 1], size_px[0] - 1 - at[..., 0]], axis=-1), size_px[::-1]
+    return at

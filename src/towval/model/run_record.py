@@ -46,6 +46,11 @@ class RunRecord:
                 remedy="compute both from the same simulation",
             )
 
+    @property
+    def quarter_turns(self) -> int:
+        """:attr:`CameraTrack.quarter_turns` of the run's video."""
+        return self.rover_track.camera.quarter_turns if self.rover_track.camera else 0
+
 
 @dataclass(frozen=True)
 class Still:

@@ -116,7 +116,8 @@ class CameraTrack:
     not found. ``stamps`` (n,) of :class:`Stamp`. ``size``: lengths of the tops in the pictures over the stated ones,
     less 1, with its deviation; NaN where no edges were found. ``added`` (18, 18) is the covariance of the camera's
     parameters beyond that of the calibration: of where the view was in the first picture, of its motion since, and of
-    what the size of the tops contradicts.
+    what the size of the tops contradicts. ``quarter_turns``, counter-clockwise, by which the pictures had to be turned
+    more than players turn them to lie as those of the calibration.
     """
 
     camera: Camera
@@ -128,6 +129,7 @@ class CameraTrack:
     size: float = float("nan")
     size_std: float = float("nan")
     added: Array = field(default_factory=lambda: np.zeros((18, 18)))
+    quarter_turns: int = 0
 
     def __post_init__(self) -> None:
         n = len(self.motion)

@@ -45,13 +45,16 @@ def film_view(
     path: FilePath, run: RunRecord, calibration: Calibration, time_s: Array, coding: str, page: FilePath, embed: bool
 ) -> FilmView:
     """A film and its layers at the times (m,) of its frames on the clock of the run [s]; ``page`` is the HTML file."""
-    drawn = film_layers(run, calibration, time_s)
-    layers = {"size": calibration.camera.resolution_px, "unit": drawn.unit_px, "counts": drawn.counts}
+    # Browsers turn a film as its tag says, whatever was done with it since.
+    size_px, turns = calibration.camera.resolution_px, -run.quarter_turns
+    drawn = film_layers(run, calibration, time_s).turned(size_px, turns)
+    size_px = size_px[::-1] if turns % 2 else size_px
+    layers = {"size": size_px, "unit": drawn.unit_px, "counts": drawn.counts}
     layers["taut"] = drawn.taut.astype(int).tolist()
     content = path.read_bytes() if embed else b""
     return FilmView(
         name=path.name,
-        size_px=calibration.camera.resolution_px,
+        size_px=size_px,
         length_bytes=len(content),
         content=packed(content) if embed else None,
         address=_address(path, page),

@@ -5,14 +5,14 @@ motion.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from towval.model import Array, Body, Calibration, Camera, Floor
-from towval.model.geometry import lifted, transform
+from towval.model.geometry import lifted, transform, turned_pixels
 from towval.model.run_record import RunRecord, measured_poses, nearest_samples, pose_at
 
 MISSING = -(2**15)
@@ -29,7 +29,7 @@ class FilmLayers:
 
     ``counts``: points per frame by layer: outlines of ``rover``, ``measured`` and ``simulated``, the ``tether`` from
     the simulated object to the measured rover, and one point each of the paths ``rover path``, ``measured path`` and
-    ``simulated path``; ``places`` (frames, sum of counts, 2): pixels of the upright picture in units of ``unit_px``,
+    ``simulated path``; ``places`` (frames, sum of counts, 2): pixels in units of ``unit_px``,
     `MISSING` where there is no point; ``taut`` (frames,): whether the tether pulls.
     """
 
@@ -43,6 +43,11 @@ class FilmLayers:
         values = np.where(self.places == MISSING, np.nan, self.places * self.unit_px)
         ends = np.cumsum(list(self.counts.values()))
         return dict(zip(self.counts, np.split(values, ends[:-1], axis=1), strict=True))
+
+    def turned(self, size_px: tuple[int, int], quarter_turns: int) -> "FilmLayers":
+        """The same on pictures of ``size_px`` once they are turned counter-clockwise."""
+        at = np.rint(turned_pixels(self.places * self.unit_px, size_px, quarter_turns) / self.unit_px)
+        return replace(self, places=np.where(self.places == MISSING, MISSING, at).astype(np.int16))
 
 
 class _View:

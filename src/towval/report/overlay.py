@@ -112,20 +112,20 @@ class _Clock:
 
 
 def _still(source: FilePath, frame: av.VideoFrame, time_s: float, painter: Painter) -> Still:
-    _check_size(source, frame, painter.calibration)
-    picture = as_rgb(frame, painter.size_px)
+    _check_size(source, frame, painter)
+    picture = as_rgb(frame, painter.size_px, painter.quarter_turns)
     painter.draw(picture, time_s)
     coded = cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1]
     return Still(time_s, painter.size_px, coded.tobytes())
 
 
-def _check_size(source: FilePath, frame: av.VideoFrame, calibration: Calibration) -> None:
-    size = upright_size(frame)
-    if size != tuple(calibration.camera.resolution_px):
+def _check_size(source: FilePath, frame: av.VideoFrame, painter: Painter) -> None:
+    size, allowed = upright_size(frame, painter.quarter_turns), painter.calibration.camera.resolution_px
+    if size != tuple(allowed):
         raise InputError(
             f"{source.name} has another size than the calibrated camera",
             got=f"{size[0]} × {size[1]}",
-            allowed="{} × {}".format(*calibration.camera.resolution_px),
+            allowed="{} × {}".format(*allowed),
             remedy="calibrate with pictures of the size of the video",
         )
 
@@ -137,8 +137,8 @@ def _drawn(
     first = None
     for frame in frames:
         if first is None:
-            _check_size(source, frame, painter.calibration)
+            _check_size(source, frame, painter)
             first = ticks(frame)
-        picture = as_rgb(frame, painter.size_px)
+        picture = as_rgb(frame, painter.size_px, painter.quarter_turns)
         painter.draw(picture, clock.of_run(seconds(frame, stream)))
         yield ticks(frame) - first, picture

@@ -21,7 +21,7 @@ class Painter:
     """Draws the state of a run at a time onto a frame of the video.
 
     ``width_px`` is the largest width of the video [px]; the footage is never enlarged. ``size_px`` are its width and
-    height, both even.
+    height, both even; ``quarter_turns`` those by which it was turned to lie as it was calibrated.
     """
 
     def __init__(self, calibration: Calibration, run: RunRecord, width_px: int):
@@ -29,7 +29,7 @@ class Painter:
         self._scale = min(1.0, width_px / width)
         # H.264 with subsampled colour needs even sizes.
         self.size_px = (2 * round(width * self._scale / 2), 2 * round(height * self._scale / 2))
-        self.calibration, self._run = calibration, run
+        self.calibration, self._run, self.quarter_turns = calibration, run, run.quarter_turns
         self._line = max(1, round(self.size_px[0] / 480))
         self._times_s = run.rover_track.time_s
         self._interval_s = float(np.median(np.diff(self._times_s))) if len(self._times_s) > 1 else np.inf

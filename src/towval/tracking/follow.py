@@ -15,6 +15,7 @@ from towval.tracking.camera_motion import ViewMotion
 from towval.tracking.echoes import Echoes
 from towval.tracking.fields import Fields
 from towval.tracking.jumps import jump_findings
+from towval.tracking.known_lengths import lift_findings
 from towval.tracking.noise import as_when_moving, hold_rest, scatter_factors, steadied
 from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, observe_size, pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
@@ -386,6 +387,7 @@ class Follower:
         if not len(looks.picture):
             return pose, covariance, self._registration()
         seen = compared(time_s, pose, covariance, looks, edges(self.target, self.first_pose))
+        self.findings += lift_findings(self.target, time_s[looks.picture], pose[looks.picture], looks.size)
         sizes = np.array([one.size for one in self.outline_fits]).reshape(-1, 2)
         of_size = by_size(sizes - np.median(looks.size, axis=0))
         fit = self._registration(seen.excess[self.fitted_in] + of_size, seen.strayed)

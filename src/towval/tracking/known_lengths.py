@@ -24,6 +24,9 @@ class KnownLengthConstants:
 
 CONSTANTS = KnownLengthConstants()
 
+_LOOKS = 7
+"""Looks at an outline by whose median a top is larger: half a second or so, of which three may be at something else."""
+
 
 @dataclass(frozen=True)
 class OutlineSizes:
@@ -63,6 +66,27 @@ def length_findings(observed: Sequence[OutlineSizes], size: float, std: float) -
     code = "lengths_wrong" if abs(size) > CONSTANTS.wrong else "lengths_differ"
     names = " and ".join(each.target.body.name for each in observed if each.sizes)
     return (finding(code, names=names, percent=100 * size, std_percent=100 * std),)
+
+
+def lift_findings(target: PlanarTarget, time_s: Array, pose: Array, size_m: Array) -> tuple[Finding, ...]:
+    """A warning where a top grows or shrinks for a while as a whole, as one does that is lifted.
+
+    ``size_m`` (m, 2): length and width of the outline over the stated ones [m] at the times (m,) [s] and poses (m, 3).
+    """
+    if len(size_m) < _LOOKS:
+        return ()
+    grown = (size_m - np.median(size_m, axis=0)) / np.ptp(target.body.top_corners_m, axis=0)
+    along, across = np.median(np.lib.stride_tricks.sliding_window_view(grown, _LOOKS, axis=0), axis=-1).T
+    # An edge that is hidden, or another one that is taken for it, changes the length or the width.
+    alike = np.minimum(np.abs(along), np.abs(across)) - np.abs(along - across)
+    worst = int(np.argmax(alike))
+    if alike[worst] <= CONSTANTS.wrong:
+        return ()
+    middle, size = worst + _LOOKS // 2, float(along[worst] + across[worst]) / 2
+    T, body = target.floor.T_camera_floor, target.body
+    distance_m = float((T @ [*pose[middle, :2], body.tracked_plane_height_m, 1.0])[2])
+    at_s = float(time_s[worst : worst + _LOOKS].mean())
+    return (finding("top_lifted", name=body.name, percent=100 * size, time_s=at_s, by_mm=1e3 * abs(size) * distance_m),)
 
 
 def _variance(observed: OutlineSizes) -> float:

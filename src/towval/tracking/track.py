@@ -18,6 +18,7 @@ from towval.tracking.follow import Follower, TrackerMaker
 from towval.tracking.invented import check_invented
 from towval.tracking.klt import KltTracker
 from towval.tracking.known_lengths import OutlineSizes, as_lengths_show, length_findings, size_of_tops
+from towval.tracking.moved_floor import moved_floor_findings
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import CONSTANTS as PLANE
 from towval.tracking.plane_tracker import PlaneTracker
@@ -143,6 +144,7 @@ class _Group:
         tracks = {one.target.body.name: one.track(self.settings.method, findings, view) for one in self.followers}
         tracks, in_time, stamps = check_stamps(tracks)
         tracks, of_rhythm = check_invented(tracks)
+        of_floor = moved_floor_findings(tracks, {one.target.body.name: one.target for one in self.followers}, view)
         kept = max(one.echoes.kept(one.tracker.widest_blur_px) for one in self.followers)
         apart = max(one.fields.apart() for one in self.followers)
         doubted, of_view = as_lengths_show(calibration, size, size_std), view.common_of_parameters
@@ -156,7 +158,7 @@ class _Group:
             late = lateness(one.time_s, one.pose, kept) + field_lateness(one.time_s, one.pose, apart)
             one = replace(
                 one,
-                findings=(*one.findings, *in_time, *of_rhythm, *of_pictures),
+                findings=(*one.findings, *in_time, *of_rhythm, *of_pictures, *of_floor),
                 covariance=one.covariance + late,
                 camera=camera,
             )

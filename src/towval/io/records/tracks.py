@@ -70,6 +70,7 @@ def write_tracks(path: Path, tracks: dict[str, Track], provenance: dict[str, str
             "size": json_value(camera.size),
             "size_std": json_value(camera.size_std),
             "added_covariance": camera.added.tolist(),
+            "quarter_turns": camera.quarter_turns,
         }
     write_mcap(path, messages, details, provenance)
 
@@ -143,7 +144,8 @@ def _camera(content: McapContent) -> CameraTrack | None:
     motion, picture, std = np.split(rows, np.cumsum([len(VIEW_MOTION), len(PICTURE_MOTION)]), axis=1)
     stamps = np.array([_STAMPS[_entry(value, CAMERA_FRAME).message] for value in content.values("/diagnostics")])
     size, size_std = (np.nan if details[name] is None else details[name] for name in ("size", "size_std"))
-    found = CameraTrack(*view_in(details), motion, picture, std, stamps, size, size_std)
+    turns = details.get("quarter_turns", 0)
+    found = CameraTrack(*view_in(details), motion, picture, std, stamps, size, size_std, quarter_turns=turns)
     added = details.get("added_covariance")
     return found if added is None else found.with_added(np.array(added))
 

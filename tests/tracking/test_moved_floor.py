@@ -1,0 +1,52 @@
+"""A floor that moved under the bodies, told from a camera that moved."""
+
+import numpy as np
+import pytest
+
+from studies.worlds.scenes import ceiling, rectangle
+from towval.model import Body, Track, TrackStatus
+from towval.optics.moved_view import parameters_by_motion, pose_sensitivity
+from towval.tracking.camera_motion import ViewMotion
+from towval.tracking.moved_floor import moved_floor_findings
+from towval.tracking.planar_target import PlanarTarget
+
+CAMERA, FLOOR = ceiling((640, 480), 600.0)
+BODIES = Body("rover", 0.4, rectangle(0.8, 0.5)), Body("object", 0.25, rectangle(0.5, 0.3))
+TIME = np.arange(100) / 25
+SIZE = len(TIME), 9
+RAMP = {"pulled": np.clip((TIME - 2.0) / 0.3, 0, 1), "crept": TIME / TIME[-1], "still": 0 * TIME}
+
+
+def seen(how: str, moved: tuple[str, ...]) -> list[str]:
+    """Findings where the picture of the floor is displaced by 6 px, and bodies were ``moved`` by its correction."""
+    motion = np.zeros(SIZE)
+    motion[:, 7] = 6.0 * RAMP[how]
+    flat = np.zeros((9, 9))
+    view = ViewMotion(CAMERA, FLOOR, TIME, motion, motion, np.ones(len(TIME), bool), flat, np.zeros(SIZE), flat)
+    rng, tracks, targets = np.random.default_rng(0), {}, {}
+    for body, start in zip(BODIES, (0.0, -1.0), strict=True):
+        path = np.stack([start + 0.15 * TIME, 0.02 * np.sin(3 * TIME), 0.05 * TIME], axis=-1)
+        by_motion = pose_sensitivity(CAMERA, FLOOR, body, path)[0] @ parameters_by_motion(CAMERA, FLOOR)
+        path += 2e-4 * rng.normal(size=path.shape)
+        if body.name in moved:
+            path += np.einsum("nap,np->na", by_motion, motion)
+        n, own = len(TIME), np.tile(1e-8 * np.eye(3), (len(TIME), 1, 1))
+        status = np.full(n, TrackStatus.TRACKED)
+        tracks[body.name] = Track(body.name, TIME, path, own, status, np.ones(n), np.ones(n), 1e-6 * np.eye(3))
+        targets[body.name] = PlanarTarget(body, CAMERA, FLOOR)
+    return [one.code for one in moved_floor_findings(tracks, targets, view)]
+
+
+@pytest.mark.parametrize(
+    ("how", "moved", "found"),
+    [
+        ("pulled", ("rover", "object"), ["floor_moved"]),
+        ("pulled", (), []),
+        ("pulled", ("object",), []),
+        ("crept", ("rover", "object"), []),
+        ("still", (), []),
+    ],
+)
+def test_a_floor_that_is_pulled_under_the_bodies_is_no_camera_that_moved(how, moved, found):
+    """A mat slipped by 30 mm: the camera was said to move, poses were off by that, and a right model disagreed."""
+    assert seen(how, moved) == found
