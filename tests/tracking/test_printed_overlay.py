@@ -9,6 +9,7 @@ from painted import target as painted_target
 from studies.worlds.scenes import CeilingCamera, drive, small_camera, standard_scene
 from towval.model.geometry import inside_polygon, inverse_transform
 from towval.tracking.clicks import check_clicks
+from towval.tracking.outline import pose_from_clicks
 from towval.tracking.overlay import standing_still
 from towval.tracking.start import Tow
 
@@ -70,6 +71,17 @@ def test_clicks_are_not_moved_to_the_border_of_a_banner(scene):
     one = found[target.body.name]
     assert np.abs(one.corners_px - clicks).max() < 2.0
     assert "clicks_corrected" not in {each.code for each in one.findings}
+
+
+@pytest.mark.parametrize("shift_px", [[0, 16], [12, 12]])
+def test_clicks_that_are_off_are_corrected_though_the_floor_within_them_stands_still(scene, shift_px):
+    film, target = CeilingCamera(scene), scene.target(1)
+    corners_px = target.pixels(target.body.top_corners_m, MOTIONS[1](0.0))
+    given, pictures = {target.body.name: corners_px + shift_px}, [film.picture(0.0), film.picture(4.0)]
+    assert standing_still(*pictures, target, pose_from_clicks(target, corners_px + shift_px)[0])
+    one = check_clicks(pictures, scene.calibration, scene.bodies, given, Tow(np.zeros(2), np.zeros(2), 9.0))["object"]
+    assert np.abs(one.corners_px - corners_px).max() < 0.5
+    assert [each.code for each in one.findings] == ["clicks_corrected"]
 
 
 @pytest.mark.parametrize("place", [(3.0, 0.0), (-3.0, 0.0), (0.0, 2.5), (0.0, -2.5)])

@@ -116,11 +116,13 @@ def _misled(target: PlanarTarget, pictures: Sequence[Luma], clicked: Array, plac
     """Whether a search may have found, at a place, what is drawn over the film instead of the top.
 
     The border of a banner looks like an edge of the top and stands out more. Letters have more contrast than the top,
-    but no edges of its length: those are seen at the clicks, however unsurely, and not at the place.
+    but no edges of its length: those are seen at the clicks, however unsurely, and not at the place. What stands still
+    at clicks that are wrong is floor: the top shows its edges at the place alone, and all of it moves.
     """
-    if standing_still(pictures[0], pictures[-1], target, clicked):
-        return True
     at_clicks, there = (observe_outline(pictures[0], target, each) for each in (clicked, place))
+    still_at = [bool(standing_still(pictures[0], pictures[-1], target, each)) for each in (clicked, place)]
+    if still_at[0] and not (at_clicks is None and there is not None and not still_at[1]):
+        return True
     return at_clicks is not None and there is None
 
 
