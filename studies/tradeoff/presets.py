@@ -177,9 +177,10 @@ STUDY = Study(
     rows=preset_rows,
     chart=Scatter(
         title="The whole pipeline, preset by preset",
-        cost="CPU time of all stages, without figures and overlay [s]",
-        error="RMS; of the last two panels the largest [mm]",
-        note="Synthetic campaigns, 800 × 450 pixels of 6 mm. Labels: presets. Stated u_val is what the errors are to "
+        cost="CPU time [s]",
+        error="error [mm]",
+        note="Synthetic campaigns, 800 × 450 pixels of 6 mm. CPU time of all stages, without figures and overlay; RMS "
+        "errors but for the last two panels. Labels: presets. Stated u_val is what the errors are to "
         "stay below: less of it is no merit in itself. The bound is to be above the largest error, and no more than "
         "it must.",
         take="Take standard, the default.",
