@@ -106,7 +106,7 @@ def _without_others(
     ordered = [sorted(boards, key=strangeness) if boards[1:] else [] for boards in shown]
     strange = [boards[1] for boards in ordered if boards]
     # Where the right one is not whole, the other one alone is found.
-    alone = [one and (None if any(lies_where(one, each) for each in strange) else one) for one in found]
+    alone = [None if one is None or any(lies_where(one, each) for each in strange) else one for one in found]
     return [
         replace(boards[0], another_px=boards[1].corners_px) if boards else one
         for boards, one in zip(ordered, alone, strict=True)

@@ -17,7 +17,9 @@ from towval.tracking.planar_target import PlanarTarget
 _STEP_S = 0.1
 """Time over which a jerk is sought [s]: bodies hardly change their speed in it, a knock or a pull is about as fast."""
 _FEWEST = 2
+"""Pictures in which the floor jerks, for one that is misread not to tell."""
 _HALF = 0.5
+"""Share of the floor's jerks in a body's corrected path from which on the floor moved: none has, or all."""
 
 
 def moved_floor_findings(
