@@ -120,10 +120,10 @@ def _misled(target: PlanarTarget, pictures: Sequence[Luma], clicked: Array, plac
     at clicks that are wrong is floor: the top shows its edges at the place alone, and all of it moves.
     """
     at_clicks, there = (observe_outline(pictures[0], target, each) for each in (clicked, place))
-    still_at = [bool(standing_still(pictures[0], pictures[-1], target, each)) for each in (clicked, place)]
-    if still_at[0] and not (at_clicks is None and there is not None and not still_at[1]):
-        return True
-    return at_clicks is not None and there is None
+    if at_clicks is None and there is not None and not standing_still(pictures[0], pictures[-1], target, place):
+        return False
+    is_covered = bool(standing_still(pictures[0], pictures[-1], target, clicked))
+    return is_covered or (at_clicks is not None and there is None)
 
 
 def _size_findings(target: PlanarTarget, clicks_px: Array) -> list[Finding]:
