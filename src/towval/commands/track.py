@@ -26,7 +26,6 @@ from towval.model.geometry import polygon_area, turned_pixels
 from towval.report.wording import millimetres
 from towval.selection.tracking import PROBE_FRAMES, PROBE_STRIDE, neighbour_of_tracking
 from towval.tracking.camera_motion import CONSTANTS as CAMERA_MOTION
-from towval.tracking.camera_motion import calibration_at_start
 from towval.tracking.clicks import Clicked, check_clicks, overstretched, unsure_start
 from towval.tracking.markers import clicks_from_tags
 from towval.tracking.outline import observe_outline, pose_from_clicks
@@ -36,6 +35,7 @@ from towval.tracking.rate import rate_findings, usual_steps_s
 from towval.tracking.start import Start, Tow, find_starts, starts_drawn
 from towval.tracking.total_covariance import with_readout, with_wider_start
 from towval.tracking.track import TrackSettings, track
+from towval.tracking.view_at_start import calibration_at_start
 
 _MOST_PICTURES = 16  # for the background
 _TILES, _FAINTEST = (16, 9), 0.5  # Half a grey level is what rounding leaves of a picture.
