@@ -124,7 +124,7 @@ FAULTS = (
     Fault("blended to another rate", (0.5, 1, 1.5), "pictures", (*_CODED, *_TIME), unforeseen.blended),
     Fault("lost slice", (0.3, 0.6, 1.5), "s", (*_CODED, *_TIME, *_MOVED), unforeseen.lost_slice),
     Fault("stretched video", (0.3, 1, 3), "%", (*_MOVED, *_SCALE), unforeseen.stretched),
-    Fault("lens corrected in video", (0.3, 1, 3), "%", (*_MOVED, *_SCALE), unforeseen.lens_correction),
+    Fault("lens corrected in video", (0.3, 1, 3), "%", ("other_lens", *_MOVED, *_SCALE), unforeseen.lens_correction),
     Fault("white balance steps", (10, 30, 60), "%", _CODED, unforeseen.balance_steps),
     Fault("overexposed", (1.2, 1.6, 2.5), "×", _CODED, unforeseen.overexposed),
     Fault("replenished", (3, 6, 12), "levels", _CODED, unforeseen.replenished),

@@ -64,6 +64,12 @@ register(  # track
         "px. The poses are corrected by it (deviation of the correction {std_px:.2f} px).",
     ),
     FindingType(
+        "other_lens", "track", WARNING, WIDENS_CAMERA,
+        "The video's lens is not that of the pictures of the floor: at the corners it shows the floor "
+        "{corner_px:+.1f} px farther out (deviation {std_px:.1f} px). The poses are corrected by it. Take pictures and "
+        "videos in one mode of the camera, its lens correction on in both or in neither.",
+    ),
+    FindingType(
         "camera_moved_between", "track", WARNING, WIDENS_CAMERA,
         "The camera moved, or its zoom changed, between the pictures of the floor: in {names} the floor is displaced "
         "by up to {shift_px:.1f} px against {first}. The poses are referred to {first}, which holds the floor frame; "

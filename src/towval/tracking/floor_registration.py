@@ -213,7 +213,7 @@ class FloorRegistration:
         small, reach = shrunk(luma, 2), CONSTANTS.reach_px
         fit: Array = np.zeros((2 * reach + 1, 2 * reach + 1))
         count = 0
-        for block, at in zip(self.blocks, self._pixels(self.block_places, np.zeros(len(self.prior))), strict=True):
+        for block, at in zip(self.blocks, self.pixels(self.block_places, np.zeros(len(self.prior))), strict=True):
             one = _fit_around(small, block, (at - 0.5) / 2)
             if one is not None:
                 fit, count = fit + one, count + 1
@@ -345,31 +345,37 @@ class FloorRegistration:
         self.blocks = [small[v - reach : v + reach + 1, u - reach : u + reach + 1].copy() for u, v in at]
         self.block_places = to_plane(self.camera, self.floor, 2.0 * at + 0.5, 0.0)
 
+    def blocks_in(self, luma: Luma, start: Array) -> Array:
+        """Pixels (n, 2) of the blocks in a picture, near a motion ``start`` (9,); NaN where nothing looks like one."""
+        small, expected = shrunk(luma, 2), self.pixels(self.block_places, start)
+        found = [_search(small, block, (at - 0.5) / 2) for block, at in zip(self.blocks, expected, strict=True)]
+        nowhere = np.full(2, np.nan)
+        return np.array([nowhere if place is None else 2 * place + 0.5 for place in found]).reshape(-1, 2)
+
     def _by_blocks(self, luma: Luma, start: Array) -> Array | None:
         """A motion (9,) to which most blocks agree; None where too few do."""
         if len(self.blocks) < CONSTANTS.least_blocks:
             return None
-        small, expected = shrunk(luma, 2), self._pixels(self.block_places, start)
-        found = [_search(small, block, (at - 0.5) / 2) for block, at in zip(self.blocks, expected, strict=True)]
-        seen = np.array([place is not None for place in found])
+        found = self.blocks_in(luma, start)
+        seen = np.isfinite(found[:, 0])
         if seen.sum() < CONSTANTS.least_blocks:
             return None
-        pixels = np.array([2 * place + 0.5 for place in found if place is not None])
-        places, expected = self.block_places[seen], expected[seen]
+        pixels, places = found[seen], self.block_places[seen]
+        expected = self.pixels(places, start)
         _, inliers = cv2.estimateAffinePartial2D(expected, pixels, ransacReprojThreshold=CONSTANTS.block_agrees_px)
         agree = np.asarray(inliers).ravel() > 0
         if agree.sum() < max(CONSTANTS.least_blocks, 0.4 * len(agree)):
             return None
         motion = start.copy()
         for _ in range(4):
-            misfit = (self._pixels(places[agree], motion) - pixels[agree]).ravel()
+            misfit = (self.pixels(places[agree], motion) - pixels[agree]).ravel()
             steps = 1e-4 * np.diag(self.prior)
-            J = np.stack([(self._pixels(places[agree], motion + s) - self._pixels(places[agree], motion - s)).ravel()
+            J = np.stack([(self.pixels(places[agree], motion + s) - self.pixels(places[agree], motion - s)).ravel()
                           for s in steps], axis=1) / 2e-4  # fmt: skip
             motion -= self.prior * np.linalg.solve(J.T @ J + np.eye(len(steps)), J.T @ misfit + motion / self.prior)
         return motion
 
-    def _pixels(self, places: Array, motion: Array) -> Array:
+    def pixels(self, places: Array, motion: Array) -> Array:
         """Pixels (n, 2) of places (n, 2) on the floor after a ``motion`` (9,) of the view."""
         points = np.column_stack([places, np.zeros(len(places))])
         return project(*moved_view(self.camera, self.floor, motion), points)

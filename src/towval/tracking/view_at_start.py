@@ -7,10 +7,11 @@ import numpy as np
 
 from towval.model import Array, Calibration, Camera, Finding, Floor
 from towval.model.conventions import VIEW_MOTION
-from towval.model.findings import finding
+from towval.model.findings import finding, leaves_unjudged
 from towval.optics.moved_view import parameters_by_motion, view_before
 from towval.tracking.camera_motion import CONSTANTS as MOTION
 from towval.tracking.floor_registration import FloorRegistration, Learned, Registered
+from towval.tracking.lens_of_video import lens_of_video
 from towval.tracking.light import evened
 from towval.tracking.template import Luma
 
@@ -45,13 +46,32 @@ def calibration_at_start(
     Returns
     -------
     calibration : Calibration
-        As given where the floor's texture is where it was, else with the view of the first picture.
+        As given where the floor's texture is where it was, else with the view, and the lens, of the first picture.
     findings : tuple of Finding
     """
-    camera, plane = calibration.camera, calibration.floor
     if not floor or any(picture.shape != luma.shape for _, picture in floor):
         return calibration, ()
-    luma, pictures = evened(luma), [evened(picture) for _, picture in floor]
+    names, pictures = [name for name, _ in floor], [evened(picture) for _, picture in floor]
+    seen = _as_seen(calibration.camera, calibration.floor, evened(luma))
+    if seen.template is None:
+        return calibration, ()
+    other = lens_of_video(seen, luma, pictures)
+    if other is not None:
+        luma = other.as_in_pictures(luma, calibration.floor)
+    found, findings = _referred(calibration, evened(luma), names, pictures)
+    if other is None or any(map(leaves_unjudged, findings)):
+        return found, findings
+    covariance = found.covariance + other.added(found.floor)
+    corner_px, std_px = other.corner_px()
+    findings = (*findings, finding("other_lens", corner_px=corner_px, std_px=std_px))
+    return replace(found, camera=other.of(found.camera), covariance=covariance), findings
+
+
+def _referred(
+    calibration: Calibration, luma: Luma, names: Sequence[str], pictures: Sequence[Luma]
+) -> tuple[Calibration, tuple[Finding, ...]]:
+    """As :func:`calibration_at_start`, in even light and by one lens."""
+    camera, plane = calibration.camera, calibration.floor
     for _ in range(_REFERRED):
         seen = _as_seen(camera, plane, luma)
         if seen.template is None:
@@ -59,7 +79,7 @@ def calibration_at_start(
         found, enough = _found(seen, pictures), (len(pictures) + 1) // 2
         if len(found) < enough:
             return calibration, (_not_recognised(seen, luma, pictures, len(found)),)
-        findings = _moved_between(seen, found, [name for name, _ in floor])
+        findings = _moved_between(seen, found, names)
         # The first one holds the floor frame; where the camera stood still, all of them tell where it was.
         at = list(found.values())[: 1 if findings else None]
         back = np.mean([one.motion for one in at], axis=0)
