@@ -14,7 +14,7 @@ from studies.evidence.ledger import Check, Values
 from studies.evidence.planting import both, flawed, moved, numbers_of, replaced, result_of
 from studies.real import clips, displaced_windows, feet_study, jackknife, measured_pushes, program_pushes
 from studies.real.push_data import PROGRAMMED_HEIGHT_M, TIP_HEIGHT_M, PushLog, read_logs
-from towval.calibration import bundle_adjustment, view_covariance
+from towval.calibration import bundle_adjustment, marks_alone, view_covariance
 from towval.calibration.bundle_adjustment import marginal_covariance
 from towval.calibration.lens import LENS_MODELS
 from towval.calibration.marks_alone import calibrate_marks
@@ -201,13 +201,16 @@ def _marks() -> Values:
 
 
 def _rounded(reference: FloorReference) -> FloorReference:
-    return replace(reference, marks_px=np.round(reference.marks_px / 4) * 4)
+    return replace(reference, marks_px=np.round(reference.marks_px / 3) * 3)
 
 
 MARKS = Check(
     _marks,
     {
-        "marks are read to 4 px": replaced(_HERE, "survey", result_of(_rounded)),
+        "marks are read to 3 px, and of the lenses the largest is taken": both(
+            replaced(_HERE, "survey", result_of(_rounded)),
+            replaced(marks_alone, "choose_lens", lambda _: lambda trials: trials[-1]),
+        ),
         "a mark is left out": replaced(
             _HERE,
             "survey",

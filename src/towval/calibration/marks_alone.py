@@ -39,15 +39,17 @@ def calibrate_marks(
     start[:4] = width, width, (width - 1) / 2, (height - 1) / 2
     observed = CalibrationObservations(resolution_px, (), (), reference)
     first = with_floor(observed, Estimate(start, (np.zeros(0),), noise_px=1.0), ())
-    trials = [_trial(reference, first, model) for model in models if _enough(reference, model)]
-    if not trials:
+    fits = [_fitted(reference, first, model) for model in models if _enough(reference, model)]
+    if not fits:
         raise InputError(
             "too few surveyed marks to calibrate a camera without a board",
             got=f"{len(reference.marks_px)} marks",
             allowed="six marks, all over the picture; twenty are good",
             remedy="survey more marks, or film a board (camera.calibration_images and camera.board)",
         )
-    chosen = choose_lens(trials)
+    # A model that the marks do not determine takes a hundred times as long to predict them, and is not chosen.
+    fits = [fit for fit in fits if fit.determined] or fits
+    chosen = choose_lens([_predicting(reference, fit) for fit in fits])
     active, estimate = active_parameters(chosen.model, with_floor=True), chosen.estimate
     squares, freedom = float(np.sum(_residual(reference, estimate) ** 2)), 2 * len(reference.marks_px) - len(active)
     worse = squares > reference.mark_std_px**2 * chdtri(freedom, 0.001)
@@ -70,16 +72,21 @@ def _residual(reference: FloorReference, estimate: Estimate) -> Array:
     return residuals([_block(reference, 1.0)], estimate)[0]
 
 
-def _trial(reference: FloorReference, start: Estimate, model: str) -> LensTrial:
-    """A fit of a lens model, and how it predicts each mark from the others."""
-    active, marks = active_parameters(model, with_floor=True), np.arange(len(reference.marks_px))
-    estimate = adjust([_block(reference, reference.mark_std_px)], start, active)
+def _fitted(reference: FloorReference, start: Estimate, model: str) -> LensTrial:
+    """A fit of a lens model, which has predicted nothing yet."""
+    active, block = active_parameters(model, with_floor=True), _block(reference, reference.mark_std_px)
+    estimate = adjust([block], start, active)
+    return LensTrial(model, np.zeros(0), estimate, marginal_covariance([block], estimate, active)[1])
+
+
+def _predicting(reference: FloorReference, trial: LensTrial) -> LensTrial:
+    """A fit with how its model predicts each mark from the others."""
+    active, marks = active_parameters(trial.model, with_floor=True), np.arange(len(reference.marks_px))
     left_out = []
     for mark in marks:
-        others = adjust([_block(reference, reference.mark_std_px, marks != mark)], estimate, active)
+        others = adjust([_block(reference, reference.mark_std_px, marks != mark)], trial.estimate, active)
         left_out.append(np.sqrt(np.mean(_residual(reference, others)[mark] ** 2)))
-    condition = marginal_covariance([_block(reference, reference.mark_std_px)], estimate, active)[1]
-    return LensTrial(model, np.array(left_out), estimate, condition)
+    return replace(trial, held_out_rms_px=np.array(left_out))
 
 
 def _reported(
