@@ -138,7 +138,7 @@ def _with_lens(camera: Camera, coefficients: Array) -> Camera:
 def _step(seen: FloorRegistration, pictures: Sequence[Luma]) -> OtherLens | None:
     """The lens to which the blocks of a picture agree; None where too few are found."""
     still = np.zeros(len(seen.prior))
-    places = np.array([seen.blocks_in(picture, still) for picture in pictures]).reshape(len(pictures), -1, 2)
+    places = np.array([seen.blocks_in(picture, still) for picture in pictures])
     often = np.isfinite(places[..., 0]).sum(axis=0) >= (len(pictures) + 1) // 2
     # Motion of the view, the two coefficients, and a stretch, which else would look like a lens: no motion does that.
     size = len(still) + 3
