@@ -24,10 +24,8 @@ class LensOfVideoConstants:
     """Tuned constants of the lens of a video."""
 
     place_px: float = 0.05  # [px] Least deviation of a block's place: 0.01 to 0.05 in sound footage.
-    significant: float = 3.0  # Deviations of both coefficients together: below 1 where the lens is the same.
-    still_px: float = (
-        2.0  # [px] Motion of the view that is taken off first: turned and enlarged blocks are found badly.
-    )
+    significant: float = 3.0  # Deviations of both coefficients together: below 2 where the lens is the same.
+    still_px: float = 2.0  # [px] Motion of the view that is taken off first: turned blocks lead astray.
     settled: float = 2.0  # Deviations of a last step: blocks found in one round and not in the next make 1 to 2.
     rounds: int = 6  # At most.
 
