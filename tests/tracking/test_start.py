@@ -667,6 +667,24 @@ def test_a_size_is_wrong_where_clicks_are_four_deviations_outside(outward_px, na
     assert bool(_size_findings(own, own.pixels(corners, POSE) + aside)) == named
 
 
+@pytest.mark.parametrize("sense", [-1, 1])
+@pytest.mark.parametrize(
+    ("wider_px", "clicked_px", "named"),
+    [(4.0, 0.0, True), (4.0, 0.8, True), (4.0, 1.8, False), (0.0, 3.0, False), (2.0, 0.0, False), (0.0, 0.0, False)],
+)
+def test_a_width_is_wrong_where_neither_edges_nor_clicks_have_it(wider_px, clicked_px, named, sense):
+    """Held to it, all outlines lie on the same one of two edges. Clicks alone may be off, and edges be the foot's."""
+    own = painted_target()
+    true, pixel_m = own.body.top_corners_m, own.metres_per_pixel(POSE)
+    by_a_pixel = sense * np.array([0.0, pixel_m / np.ptp(true[:, 1])])
+    stated = replace(own.body, top_corners_m=true * (1 + wider_px * by_a_pixel))
+    clicks = own.pixels(true * (1 + clicked_px * by_a_pixel), POSE)
+    found = _checked(PlanarTarget(stated, CAMERA, FLOOR), [picture(own)], clicks).findings
+    wrong = [each.text for each in found if each.code == "sides_wrong"]
+    assert len(wrong) == named
+    assert all(f"the width of the top of {own.body.name} {'+-'[sense > 0]}" in text for text in wrong)
+
+
 def test_four_pictures_in_which_a_body_is_elsewhere_suffice(monkeypatch):
     own, places = painted_target(), iter(range(1, 20))
 

@@ -261,6 +261,11 @@ register(  # track
         "Measure that height (of the edges of the top above the floor) and the corners again.",
     ),
     FindingType(
+        "sides_wrong", "track", WARNING, NOT_JUDGED,
+        "Edges and clicks both show the {side} of the top of {name} {percent:+.1f} % off top_corners_m: the outline "
+        "cannot lie on both edges, and its poses may be off by half of the difference. Measure the top again.",
+    ),
+    FindingType(
         "clicks_misfit", "track", WARNING, _REGISTRATION,
         "The clicks of {name} miss its corners by up to {misfit_px:.1f} px. Check them, its top_corners_m and "
         "tracked_plane_height_m.",
