@@ -78,6 +78,8 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
     # Where the outline fits as well in a third place, the clicks are as good a reason as any to stay.
     alone = all(target.apart_m(place, other) <= far_m for other in elsewhere)
     corrected = clear and off_m > near_m and clearly and alone and not _misled(target, pictures, clicked, pose)
+    # Contrast alone finds a blurred top within some pixels, no better than clicks do; and these are known to theirs.
+    corrected = corrected and (off_m > far_m or observe_outline(pictures[0], target, pose) is not None)
     if corrected and off_m > far_m:
         findings.append(finding("clicks_corrected", name=name, off_px=off_m / pixel))
     else:
