@@ -9,9 +9,17 @@ from studies.worlds.scenes import CeilingCamera, FilmedScene, small_camera, stan
 from towval.model import Calibration, Finding, Floor
 from towval.optics.projection import project, to_plane
 from towval.tracking import known_lengths
-from towval.tracking.known_lengths import OutlineSizes, as_lengths_show, length_findings, lift_findings, size_of_tops
+from towval.tracking.known_lengths import (
+    OutlineSizes,
+    as_lengths_show,
+    length_findings,
+    lift_findings,
+    scale_findings,
+    size_of_tops,
+)
 from towval.tracking.outline import observe_size
 from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.track import track
 
 
 def scaled(scene: FilmedScene, size: float) -> Calibration:
@@ -89,6 +97,45 @@ def test_a_top_of_which_pictures_disagree_does_not_hide_the_other():
     ]
     (found,) = findings_of(scaled(scene, 1.0), tops)
     assert found.code == "lengths_wrong"
+
+
+def tops_of(scene: FilmedScene, *sizes: list[float]) -> list[OutlineSizes]:
+    return [
+        OutlineSizes(PlanarTarget(body, scene.camera, scene.floor), motion(0.0), each)
+        for body, motion, each in zip(scene.bodies, scene.motions, sizes, strict=True)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("rover", "towed", "named"),
+    [
+        ([0.0] * 5, [-0.008] * 5, "object"),
+        ([0.008] * 5, [0.0] * 5, "rover"),
+        ([0.01] * 5, [0.01] * 5, None),  # The scale of the camera, of which there is another finding.
+        ([0.001] * 5, [-0.002] * 5, None),
+        ([0.0] * 5, [0.0, -0.012] * 5, None),  # Pictures that disagree tell nothing.
+        ([0.0] * 5, [], None),
+    ],
+)
+def test_a_top_of_another_size_than_the_other_is_named(rover, towed, named):
+    scene = standard_scene(1)
+    found = scale_findings(scaled(scene, 1.0), tops_of(scene, rover, towed))
+    assert [each.code for each in found] == ["tops_scale"] * (named is not None)
+    assert all(f"the top of {named} is" in each.text for each in found)
+
+
+def test_a_height_that_is_stated_wrong_shows_in_the_outlines_of_a_run():
+    """Well clicked: of 40 mm no click tells, and poses are off by a tenth of that and more."""
+    scene = standard_scene(1, **small_camera(), brightness=(170.0, 190.0), contrast=15.0)
+    rover, towed = scene.bodies
+    wrong = replace(towed, tracked_plane_height_m=towed.tracked_plane_height_m + 0.04)
+    film, clicks = CeilingCamera(scene), scene.clicks(np.random.default_rng(1))
+    for bodies, codes in (([rover, towed], []), ([rover, wrong], ["tops_scale"])):
+        frames = ((k / 25, film.picture(k / 25)) for k in range(5))
+        found = track(frames, scaled(scene, 1.0), bodies, clicks)["rover"].findings
+        assert [each.code for each in found if each.code == "tops_scale"] == codes
+    text = next(each.text for each in found if each.code == "tops_scale")
+    assert f"the top of {towed.name} is -1." in text
 
 
 def test_no_outline_no_word():

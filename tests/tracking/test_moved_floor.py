@@ -17,8 +17,11 @@ SIZE = len(TIME), 9
 RAMP = {"pulled": np.clip((TIME - 2.0) / 0.3, 0, 1), "crept": TIME / TIME[-1], "still": 0 * TIME}
 
 
-def seen(how: str, moved: tuple[str, ...]) -> list[str]:
-    """Findings where the picture of the floor is displaced by 6 px, and bodies were ``moved`` by its correction."""
+def seen(how: str, moved: tuple[str, ...], swing_m: float = 0.0) -> list[str]:
+    """Findings where the picture of the floor is displaced by 6 px, and bodies were ``moved`` by its correction.
+
+    The object swings by ``swing_m`` on its tether.
+    """
     motion = np.zeros(SIZE)
     motion[:, 7] = 6.0 * RAMP[how]
     flat = np.zeros((9, 9))
@@ -28,6 +31,7 @@ def seen(how: str, moved: tuple[str, ...]) -> list[str]:
         path = np.stack([start + 0.15 * TIME, 0.02 * np.sin(3 * TIME), 0.05 * TIME], axis=-1)
         by_motion = pose_sensitivity(CAMERA, FLOOR, body, path)[0] @ parameters_by_motion(CAMERA, FLOOR)
         path += 2e-4 * rng.normal(size=path.shape)
+        path[:, 0] += swing_m * np.sin(12 * TIME) * (body.name == "object")
         if body.name in moved:
             path += np.einsum("nap,np->na", by_motion, motion)
         n, own = len(TIME), np.tile(1e-8 * np.eye(3), (len(TIME), 1, 1))
@@ -50,3 +54,10 @@ def seen(how: str, moved: tuple[str, ...]) -> list[str]:
 def test_a_floor_that_is_pulled_under_the_bodies_is_no_camera_that_moved(how, moved, found):
     """A mat slipped by 30 mm: the camera was said to move, poses were off by that, and a right model disagreed."""
     assert seen(how, moved) == found
+
+
+@pytest.mark.parametrize("swing_m", [-0.02, 0.02])
+def test_an_object_that_swings_on_its_tether_does_not_tell_but_the_rover_does(swing_m):
+    """Its own jerks are as large as the floor's: they may look like them, or hide them."""
+    assert seen("pulled", ("rover", "object"), swing_m) == ["floor_moved"]
+    assert seen("pulled", (), swing_m) == []

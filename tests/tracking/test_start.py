@@ -616,7 +616,7 @@ def clicked_beside(monkeypatch, step, here=0.3, settles=0.0):
     edges = compose(POSE, settles * np.array(step) * np.array([pixel_m, pixel_m, 1.0]))
     monkeypatch.setattr(clicks_module, "settled", lambda *_: (edges, np.zeros((3, 3))))
     clicks_px = own.pixels(own.body.top_corners_m, pose)
-    return _checked(own, [np.full((240, 320), 100, np.uint8)], clicks_px), clicks_px
+    return _checked(own, [picture(own)], clicks_px), clicks_px
 
 
 @pytest.mark.parametrize(("turn_deg", "corrected"), [(12.0, True), (21.0, False)])
@@ -665,6 +665,35 @@ def test_a_size_is_wrong_where_clicks_are_four_deviations_outside(outward_px, na
     corners = own.body.top_corners_m * (1 + sense * outward_px * own.metres_per_pixel(POSE) / own.reach_m)
     aside = 1.4 * np.array([[1.0, 0.0], [-1.0, 0.0], [1.0, 0.0], [-1.0, 0.0]])
     assert bool(_size_findings(own, own.pixels(corners, POSE) + aside)) == named
+
+
+@pytest.mark.parametrize("sense", [-1, 1])
+@pytest.mark.parametrize(
+    ("wider_px", "clicked_px", "named"),
+    [(4.0, 0.0, True), (4.0, 0.8, True), (4.0, 1.8, False), (0.0, 3.0, False), (2.0, 0.0, False), (0.0, 0.0, False)],
+)
+def test_a_width_is_wrong_where_neither_edges_nor_clicks_have_it(wider_px, clicked_px, named, sense):
+    """Held to it, all outlines lie on the same one of two edges. Clicks alone may be off, and edges be the foot's."""
+    own = painted_target()
+    true, pixel_m = own.body.top_corners_m, own.metres_per_pixel(POSE)
+    by_a_pixel = sense * np.array([0.0, pixel_m / np.ptp(true[:, 1])])
+    stated = replace(own.body, top_corners_m=true * (1 + wider_px * by_a_pixel))
+    clicks = own.pixels(true * (1 + clicked_px * by_a_pixel), POSE)
+    found = _checked(PlanarTarget(stated, CAMERA, FLOOR), [picture(own)], clicks).findings
+    wrong = [each.text for each in found if each.code == "sides_wrong"]
+    assert len(wrong) == named
+    assert all(f"the width of the top of {own.body.name} {'+-'[sense > 0]}" in text for text in wrong)
+
+
+@pytest.mark.parametrize(("off_px", "edges", "moved"), [(4.0, True, True), (4.0, False, False), (12.0, False, True)])
+def test_clicks_stay_where_no_edge_tells_that_another_place_is_better(off_px, edges, moved, monkeypatch):
+    """A blurred top: its place is that of the clicks, as uncertain as they are, or one that is far from them."""
+    own = painted_target()
+    clicks = own.pixels(own.body.top_corners_m, POSE + np.array([off_px * own.metres_per_pixel(POSE), 0.0, 0.0]))
+    if not edges:
+        monkeypatch.setattr(clicks_module, "observe_outline", lambda *_: None)
+    found = _checked(own, [picture(own)], clicks)
+    assert np.array_equal(found.corners_px, clicks) != moved
 
 
 def test_four_pictures_in_which_a_body_is_elsewhere_suffice(monkeypatch):

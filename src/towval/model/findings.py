@@ -255,6 +255,17 @@ register(  # track
         "tracked_plane_height_m are wrong. Measure the board and the tops again.",
     ),
     FindingType(
+        "tops_scale", "track", WARNING, NOT_JUDGED,
+        "Compared with the other body, the outline of the top of {name} is {percent:+.2f} ± {std_percent:.2f} % larger "
+        "than its top_corners_m would appear at its tracked_plane_height_m: as if that were {height_mm:.0f} mm off. "
+        "Measure that height (of the edges of the top above the floor) and the corners again.",
+    ),
+    FindingType(
+        "sides_wrong", "track", WARNING, NOT_JUDGED,
+        "Edges and clicks both show the {side} of the top of {name} {percent:+.1f} % off top_corners_m: the outline "
+        "cannot lie on both edges, and its poses may be off by half of the difference. Measure the top again.",
+    ),
+    FindingType(
         "clicks_misfit", "track", WARNING, _REGISTRATION,
         "The clicks of {name} miss its corners by up to {misfit_px:.1f} px. Check them, its top_corners_m and "
         "tracked_plane_height_m.",

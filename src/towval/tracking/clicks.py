@@ -8,10 +8,11 @@ from numpy.typing import ArrayLike
 
 from towval.model import Array, Body, Calibration, Finding, Track
 from towval.model.findings import finding
+from towval.model.geometry import inverse_transform
 from towval.tracking.co_moving import co_moving
 from towval.tracking.follow import CONSTANTS as FOLLOW
 from towval.tracking.outline import CONSTANTS as OUTLINE
-from towval.tracking.outline import observe_outline, pose_from_clicks, settled
+from towval.tracking.outline import observe_outline, observe_sides, pose_from_clicks, settled
 from towval.tracking.overlay import standing_still
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import step_between
@@ -77,10 +78,12 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
     # Where the outline fits as well in a third place, the clicks are as good a reason as any to stay.
     alone = all(target.apart_m(place, other) <= far_m for other in elsewhere)
     corrected = clear and off_m > near_m and clearly and alone and not _misled(target, pictures, clicked, pose)
+    # Contrast alone finds a blurred top within some pixels, no better than clicks do; and these are known to theirs.
+    corrected = corrected and (off_m > far_m or observe_outline(pictures[0], target, pose) is not None)
     if corrected and off_m > far_m:
         findings.append(finding("clicks_corrected", name=name, off_px=off_m / pixel))
     else:
-        findings += _size_findings(target, clicks_px)
+        findings += _size_findings(target, clicks_px) or _side_findings(target, pictures[0], clicks_px)
     if corrected:
         clicked, clicks_px = pose, target.pixels(target.body.top_corners_m, pose)
     places = [(best, nearest), *found[1:]][: len(found)]
@@ -138,6 +141,33 @@ def _size_findings(target: PlanarTarget, clicks_px: Array) -> list[Finding]:
     if abs(size) < CONSTANTS.size_deviations * std or outward_m < least_m:
         return []
     return [finding("lengths_wrong", names=target.body.name, percent=100 * size, std_percent=100 * std)]
+
+
+def _side_findings(target: PlanarTarget, luma: Luma, clicks_px: Array) -> list[Finding]:
+    """Findings where length or width of a top are other than stated both by its edges and by clicks (n, 2) [px].
+
+    Where its width is wrong, an outline that is held to it lies on one of two edges, and all fits agree on that one.
+    Edges alone do not tell, since the foot of a side may be found instead: clicks know which of them is the top's.
+    """
+    pose, _, _ = pose_from_clicks(target, clicks_px)
+    by_edges = observe_sides(luma, target, pose)
+    if by_edges is None:
+        return []
+    corners = target.body.top_corners_m - target.body.top_corners_m.mean(axis=0)
+    stated, square = np.ptp(corners, axis=0), np.sum(corners**2, axis=0)
+    clicked = inverse_transform(pose, target.floor_xy(clicks_px))
+    by_clicks = (np.sum(corners * clicked, axis=0) / square - 1) * stated
+    left = clicked - clicked.mean(axis=0) - corners * (1 + by_clicks / stated)
+    free = max(1, 2 * len(corners) - 5)
+    click_m = max(OUTLINE.click_noise_px * target.metres_per_pixel(pose), np.sqrt(np.sum(left**2) / free))
+    std_m = click_m * stated / np.sqrt(square)
+    # What clicks speak for the edges' sides against the stated ones: a difference of squared deviations.
+    for_edges = (by_clicks**2 - (by_clicks - by_edges) ** 2) / std_m**2
+    return [
+        finding("sides_wrong", name=target.body.name, side=side, percent=100 * edges / length)
+        for side, edges, length, odds in zip(("length", "width"), by_edges, stated, for_edges, strict=True)
+        if odds > CONSTANTS.scales_apart**2
+    ]
 
 
 def _in_order(target: PlanarTarget, clicks_px: Array) -> Array:

@@ -68,6 +68,31 @@ def length_findings(observed: Sequence[OutlineSizes], size: float, std: float) -
     return (finding(code, names=names, percent=100 * size, std_percent=100 * std),)
 
 
+def scale_findings(calibration: Calibration, observed: Sequence[OutlineSizes]) -> tuple[Finding, ...]:
+    """A warning where one top is seen larger than stated and the others are not: its height or its size is wrong.
+
+    What all tops share is the scale of the camera, which says nothing of a single height. The top that is named is the
+    one that is more deviations off what is stated.
+    """
+    seen = [each for each in observed if each.sizes]
+    if len(seen) < 2:
+        return ()
+    sizes = np.array([np.median(each.sizes) for each in seen])
+    variances = np.array([_variance(each) for each in seen])
+    worst = int(np.argmax(np.abs(sizes) / np.sqrt(variances)))
+    # The mean of the others, by their variances, taken off.
+    against = -np.delete(1 / variances, worst) / np.delete(1 / variances, worst).sum()
+    against = np.insert(against, worst, 1.0)
+    apart = float(against @ sizes)
+    by_camera = against @ np.array([_size_sensitivity(calibration, each) for each in seen])
+    std = float(np.sqrt(against**2 @ variances + by_camera @ calibration.covariance @ by_camera))
+    if abs(apart) < max(CONSTANTS.doubtful * std, CONSTANTS.wrong):
+        return ()
+    height_m = abs(apart) * _distance_m(seen[worst])
+    name, percent = seen[worst].target.body.name, {"percent": 100 * apart, "std_percent": 100 * std}
+    return (finding("tops_scale", name=name, height_mm=1e3 * height_m, **percent),)
+
+
 def lift_findings(target: PlanarTarget, time_s: Array, pose: Array, size_m: Array) -> tuple[Finding, ...]:
     """A warning where a top grows or shrinks for a while as a whole, as one does that is lifted.
 
@@ -94,13 +119,18 @@ def _variance(observed: OutlineSizes) -> float:
 
     The scatter grows where something else than the edge is found in some of the pictures.
     """
-    body, T = observed.target.body, observed.target.floor.T_camera_floor
+    body, distance = observed.target.body, _distance_m(observed)
     diagonal = float(np.linalg.norm(np.ptp(body.top_corners_m, axis=0)))
-    distance = float((T @ [*observed.pose[:2], body.tracked_plane_height_m, 1.0])[2])
     edge_m = CONSTANTS.edge_std_px * observed.target.metres_per_pixel(observed.pose)
     spread = float(np.std(observed.sizes))
     parts = OUTLINE.length_std_m / diagonal, body.height_std_m / distance, 2 * edge_m / diagonal, spread
     return float(np.sum(np.square(parts)))
+
+
+def _distance_m(observed: OutlineSizes) -> float:
+    """Distance of a top from the camera along its axis [m]: a top that is so much higher by 1 % is 1 % larger."""
+    place = [*observed.pose[:2], observed.target.body.tracked_plane_height_m, 1.0]
+    return float((observed.target.floor.T_camera_floor @ place)[2])
 
 
 def _size_sensitivity(calibration: Calibration, observed: OutlineSizes) -> Array:

@@ -25,24 +25,30 @@ _HALF = 0.5
 def moved_floor_findings(
     tracks: Mapping[str, Track], targets: Mapping[str, PlanarTarget], view: ViewMotion
 ) -> tuple[Finding, ...]:
-    """A warning where all bodies jerk in the floor's frame as the floor does in the picture, and not in the picture."""
-    shares, jerks = [], []
+    """A warning where all bodies jerk in the floor's frame as the floor does in the picture, and not in the picture.
+
+    A body that jerks far more by itself, as one that swings on its tether, does not tell.
+    """
+    least, jerks = [], []
     for name, track in tracks.items():
         found = _share_of_body(track, targets[name], view)
         if found is None:
             return ()
-        shares.append(found[0])
-        jerks.append(found[1:])
-    if not shares or min(shares) < _HALF:
+        share, std, *jerk = found
+        if 1 - CONSTANTS.significant * std > _HALF:
+            least.append(share - CONSTANTS.significant * std)
+            jerks.append(jerk)
+    if not least or min(least) < _HALF:
         return ()
     largest_m, at_s = max(jerks)
     return (finding("floor_moved", by_mm=1e3 * largest_m, time_s=at_s),)
 
 
-def _share_of_body(track: Track, target: PlanarTarget, view: ViewMotion) -> tuple[float, float, float] | None:
-    """How much of the floor's jerks a body's corrected path has; the largest correction [m], and when jerks begin [s].
+def _share_of_body(track: Track, target: PlanarTarget, view: ViewMotion) -> tuple[float, float, float, float] | None:
+    """How much of the floor's jerks a body's corrected path has, and the deviation of that by its own jerks.
 
-    The share is about zero where the camera moved and one where the floor did. None where nothing tells.
+    Then the largest correction [m], and when jerks begin [s]. The share is about zero where the camera moved and one
+    where the floor did. None where nothing tells.
     """
     rows = np.flatnonzero(track.seen)
     if len(rows) < 2 * _FEWEST or not view.motion.any():
@@ -59,5 +65,9 @@ def _share_of_body(track: Track, target: PlanarTarget, view: ViewMotion) -> tupl
     jerking = regular & (np.hypot(*floor.T) > least_m)
     if jerking.sum() < _FEWEST:
         return None
-    share = float(np.sum(floor[jerking] * body[jerking]) / np.sum(floor[jerking] ** 2))
-    return share, float(np.hypot(*by_camera.T).max()), float(time_s[lag:-lag][jerking][0])
+    square = float(np.sum(floor[jerking] ** 2))
+    share = float(np.sum(floor[jerking] * body[jerking])) / square
+    own = body[regular & ~jerking]
+    # Of one direction, and of the few jerks that do not overlap.
+    std = float(np.sqrt(np.sum(own**2) / max(1, len(own)) * lag / square))
+    return share, std, float(np.hypot(*by_camera.T).max()), float(time_s[lag:-lag][jerking][0])

@@ -241,6 +241,22 @@ def observe_size(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) -> 
     return float(found[3]) if holds else None
 
 
+def observe_sides(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) -> Array | None:
+    """By how much length and width (2,) of the outline at ``pose`` (3,) are found other than stated [m].
+
+    Nothing is taken to be known of them, so other edges may be taken for the top's: its foot, a line beside it. None
+    where fewer than a third of the stretches agree, or one of the sides is not found at all.
+    """
+    pixel = target.metres_per_pixel(pose)
+    stretches = stretches_of(target.body, pixel)
+    slopes, rows = _edge_slopes(luma, target, stretches, pose), _by_pose_and_size(stretches)
+    trust, _ = _trust(_side_widths(target, stretches, pose))
+    reach = np.linalg.norm(stretches.middle, axis=1).max()
+    known = np.array([1, 1, 1 / reach, np.inf, np.inf]) * CONSTANTS.prior_px * pixel
+    holds, found, *_ = fit_kernel(slopes, stretches.offsets, rows, trust, known, pixel, CONSTANTS.wide_px)
+    return found[3:] * np.ptp(target.body.top_corners_m, axis=0) if holds and np.isfinite(found).all() else None
+
+
 def settled(target: PlanarTarget, views: Sequence[View], pose: Array) -> tuple[Array, Array]:
     """The pose (3,) by the edges near a ``pose`` (3,) that a search found, and the spread (3, 3) of others as good.
 

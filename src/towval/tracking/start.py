@@ -38,7 +38,7 @@ class StartConstants:
     size_deviations: float = 4.0  # Of the size of clicked corners: by chance once in 16,000 tops,
     size_px: float = 1.5  # [px] and so far outwards: who clicks beside an edge does so by one.
     reported_px: float = 6.0  # [px] More than 0.7 px of noise can explain.
-    scales_apart: float = 3.5  # Deviations between the sizes of two clicked tops: 1 in 2,000 sound runs.
+    scales_apart: float = 3.5  # Deviations between the sizes of two clicked tops, or of a side: 1 in 2,000 sound runs.
     jerks: float = 0.02  # Of the pictures, in which the tether may seem too short: a jerk, a picture that is off.
     slack: float = 0.02  # Of a tether's length, and
     slack_m: float = 0.015  # [m] as much that measured ends may be too far apart.

@@ -17,7 +17,7 @@ from towval.tracking.fields import field_findings, field_lateness
 from towval.tracking.follow import Follower, TrackerMaker
 from towval.tracking.invented import check_invented
 from towval.tracking.klt import KltTracker
-from towval.tracking.known_lengths import OutlineSizes, as_lengths_show, length_findings, size_of_tops
+from towval.tracking.known_lengths import OutlineSizes, as_lengths_show, length_findings, scale_findings, size_of_tops
 from towval.tracking.moved_floor import moved_floor_findings
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import CONSTANTS as PLANE
@@ -140,7 +140,8 @@ class _Group:
         """The tracks by name, with the findings that they share and the total covariance."""
         tops = [OutlineSizes(one.target, one.first_pose, one.sizes) for one in self.followers]
         size, size_std = size_of_tops(calibration, tops)
-        findings = (*camera_findings, *_sample_findings(self.settings), *length_findings(tops, size, size_std))
+        of_lengths = (*length_findings(tops, size, size_std), *scale_findings(calibration, tops))
+        findings = (*camera_findings, *_sample_findings(self.settings), *of_lengths)
         tracks = {one.target.body.name: one.track(self.settings.method, findings, view) for one in self.followers}
         tracks, in_time, stamps = check_stamps(tracks)
         tracks, of_rhythm = check_invented(tracks)
