@@ -262,3 +262,13 @@ def test_causes_are_looked_for_only_where_they_can_change_the_verdict(monkeypatc
     compared = []
     end_to_end._verdict_alone(None, None, lambda known: compared.append(known) or found)
     assert compared == (["few", "few, explained"] if explained else ["few"])
+
+
+def test_what_is_better_or_worse_than_the_default_is_so_beyond_scatter():
+    shifts = {"default": 0.0, "alike": 0.1, "better": -2.0, "worse": 2.0}
+    table = pd.DataFrame({f"{name}_{end}": 3.0 for name in ("bound", "off") for end in ("low", "high")}, index=shifts)
+    table["off_low"], table["off_high"] = (
+        3.0 + np.array([*shifts.values()]) - 0.5,
+        3.0 + np.array([*shifts.values()]) + 0.5,
+    )
+    assert outcomes.beyond_scatter(table.assign(default=table.index == "default")) == (["better"], ["worse"])
