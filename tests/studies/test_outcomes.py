@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from markupsafe import Markup
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from studies import end_to_end
@@ -15,6 +16,7 @@ from studies.draw import figure_of
 from studies.end_to_end import Pipeline, PipelineResult
 from studies.evidence import outcomes as evidence
 from studies.frame import BOUND, OFF, Outcomes, Settings, loaded
+from studies.page import front_view
 from studies.registry import TRADEOFF
 from studies.tradeoff import outcomes
 from studies.tradeoff.outcomes import Variant, rows_of_campaign
@@ -272,3 +274,13 @@ def test_what_is_better_or_worse_than_the_default_is_so_beyond_scatter():
         3.0 + np.array([*shifts.values()]) + 0.5,
     )
     assert outcomes.beyond_scatter(table.assign(default=table.index == "default")) == (["better"], ["worse"])
+
+
+@pytest.mark.parametrize("chart", CHARTS)
+def test_the_page_names_the_default_and_what_nothing_beats(chart):
+    rows, drawn = made_up(CHARTS[chart].rows), CHARTS[chart].chart
+    view = front_view(chart, drawn, rows, Markup(""))
+    default = rows.loc[rows["default"].astype(bool), "setting"].iloc[0]
+    assert f"default: {rows['series'].iloc[0]}, {default}." in view.counts
+    assert {row[0] for row in view.rows} == {BOUND, OFF}
+    assert view.summary.startswith(drawn.take)
