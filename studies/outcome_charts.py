@@ -30,7 +30,7 @@ _ROW_IN, _TOP_IN, _PANEL_IN, _LINE_IN = 0.24, 0.5, 2.1, 0.16
 _LEFT_IN, _NAMES_IN, _RIGHT_IN, _BETWEEN_IN = 0.62, 1.5, 0.12, 0.3
 _HELD_IN = 0.75
 """Room beside the bars for how often the bound held."""
-_FEW_DECADES = 60.0
+_DECADE, _FEW_DECADES = 10.0, 60.0
 
 
 @figure_function
@@ -92,13 +92,24 @@ def _draw_errors(axes: Axes, table: pd.DataFrame, names: list[str], cost: str, l
             part = runs[(runs["panel"] == panel) & (runs["error"] > 0)]
             if part.empty:
                 continue
+            default = part["default"].astype(bool).any()
+            # Where settings end alike, the default's mark is the one to be seen.
+            above = 0.5 if default else 0.0
             x, (low, middle, high) = part[cost].median(), part["error"].quantile([0.25, 0.5, 0.75])
             look = _look(index)
             axes.plot(
-                [x], [middle], ls="none", ms=5, mew=0.9, mfc=face or look["color"], mec=look["color"], zorder=3, **look
+                [x],
+                [middle],
+                ls="none",
+                ms=5,
+                mew=0.9,
+                mfc=face or look["color"],
+                mec=look["color"],
+                zorder=3 + above,
+                **look,
             )
             axes.vlines([x], low, high, colors=look["color"], lw=0.7, zorder=2)
-            if part["default"].astype(bool).any():
+            if default:
                 axes.plot([x], [middle], "o", mfc="none", mec="#000000", mew=0.9, ms=10, zorder=4)
     low, high = axes.get_xlim()
     middle = math.sqrt(low * high)
@@ -107,8 +118,9 @@ def _draw_errors(axes: Axes, table: pd.DataFrame, names: list[str], cost: str, l
     axes.margins(y=0.12)
     for axis, limits in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
         axis.set_minor_formatter(NullFormatter())
-        few = limits[1] / limits[0] < _FEW_DECADES
-        axis.set_major_locator(LogLocator(subs=(1, 2, 5) if few else (1,), numticks=20))
+        span = limits[1] / limits[0]
+        subs = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0) if span < _DECADE else (1.0, 2.0, 5.0) if span < _FEW_DECADES else (1.0,)
+        axis.set_major_locator(LogLocator(subs=subs, numticks=20))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     if not named:
         axes.tick_params(labelleft=False)

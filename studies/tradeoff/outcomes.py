@@ -258,7 +258,8 @@ def beyond_scatter(runs: pd.DataFrame) -> tuple[list[str], list[str]]:
 
 
 def _between(values: pd.Series) -> str:
-    return f"{values.min():.2g} to {values.max():.2g}"
+    least, most = f"{values.min():.2g}", f"{values.max():.2g}"
+    return least if least == most else f"{least} to {most}"
 
 
 TRACKER = _study(
