@@ -16,8 +16,9 @@ from matplotlib.patches import Patch as Swatch
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from studies.frame import Scatter
+from studies.frame import BOUND, OFF, REFUSED, Outcomes, Scatter
 from studies.labels import place_labels
+from towval.model import Verdict
 from towval.report.style import PAGE_WIDTH_IN, Margins, figure_function, foot_legend, place_maps
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "*")
@@ -66,7 +67,7 @@ def scatter_chart(
     panels = list(dict.fromkeys(rows["panel"]))
     series = list(dict.fromkeys(rows.sort_values("default", ascending=False, kind="stable")["series"]))
     columns = {1: 1, 2: 2, 4: 2}.get(len(panels), 3)
-    first, notes = _notes(table, take, f"{_repeats(rows)} {note}")
+    first, notes = below_chart(table, take, f"{repeats(rows)} {note}")
     handles = _handles(series, front=front, default=bool(rows["default"].astype(float).max() > 0))
     legend_rows = math.ceil(len(handles) / 4)
     margins = Margins(
@@ -87,8 +88,8 @@ def scatter_chart(
         if index % columns == 0:
             own.set_ylabel(labels[1])
     _same_decades(axes)
-    _title(figure, title)
-    _foot(figure, handles, 4, notes, advice=first)
+    title_of(figure, title)
+    foot(figure, handles, 4, notes, advice=first)
     place_labels(figure, axes)
     return figure
 
@@ -112,11 +113,34 @@ def medians(table: pd.DataFrame) -> pd.DataFrame:
     return rows.reset_index()
 
 
+def outcome_summary(table: pd.DataFrame) -> pd.DataFrame:
+    """One row a setting of a chart of outcomes, by its name.
+
+    Medians ``cost`` and ``stage_cost`` [s], ``bound`` and ``off`` [mm], each of these two with its quartiles, as
+    ``bound_low`` and ``bound_high``; a column a verdict with the number of campaigns; ``stated`` and ``held``, how many
+    bounds there are and how many held; ``default``. Verdicts and bounds of the wrong model begin with ``wrong_``.
+    """
+    found = {}
+    for setting, rows in table.groupby("setting", sort=False):
+        bounds, runs = rows[rows["panel"] == BOUND], rows[rows["panel"] == OFF]
+        row: dict[str, Any] = {name: runs[name].median() for name in ("cost", "stage_cost")}
+        for name, each in (("bound", bounds), ("off", runs)):
+            row[f"{name}_low"], row[name], row[f"{name}_high"] = each["error"].quantile([0.25, 0.5, 0.75])
+            row[f"wrong_{name}"] = each["wrong_error"].median()
+        for model in ("", "wrong_"):
+            row |= {f"{model}{name}": int((runs[f"{model}verdict"] == name).sum()) for name in (*Verdict, REFUSED)}
+            # A table that was written and read again has words for what is true.
+            held = runs[f"{model}holds"].dropna().map(str)
+            row |= {f"{model}stated": len(held), f"{model}held": int((held == "True").sum())}
+        found[str(setting)] = row | {"default": bool(runs["default"].max()), "campaigns": len(runs)}
+    return pd.DataFrame.from_dict(found, orient="index")
+
+
 def advice(chart: Scatter, table: pd.DataFrame) -> str:
     """What to take, and why by the numbers of a table; those of the short variant of a study are no reason."""
     if chart.why is None or short_variant(table):
         return chart.take
-    return f"{chart.take} {chart.why(medians(table))}"
+    return f"{chart.take} {chart.why(outcome_summary(table) if isinstance(chart, Outcomes) else medians(table))}"
 
 
 def unbeaten(rows: pd.DataFrame) -> pd.DataFrame:
@@ -218,7 +242,7 @@ def map_chart(
     names = [name for name in axes_labels if (table["map"] == name).any()]
     columns = 4 if len(names) > 6 else 3
     framed = {name: values for name, values in (default or {}).items() if name in names}
-    first, notes = _notes(table, take, note)
+    first, notes = below_chart(table, take, note)
     margins = Margins(left=0.72, right=0.1, top=0.5, bottom=0.62 + _LINE_IN * (1 + len(notes)), across=0.62, down=0.72)
     figure = Figure(figsize=(PAGE_WIDTH_IN, 3.0))
     axes = [figure.add_subplot() for _ in names]
@@ -228,11 +252,11 @@ def map_chart(
         own.set_title(_shortened(name), fontsize=7.5)
         own.set_xlabel(_set(axes_labels[name][0]), fontsize=7.5)
         own.set_ylabel(_set(axes_labels[name][1]), fontsize=7.5)
-    _title(figure, title)
+    title_of(figure, title)
     handles = [Swatch(facecolor=FACES[name], edgecolor="#777777", label=f"{name}  {SIGNS[name][0]}") for name in FACES]
     if framed:
         handles.append(Swatch(facecolor="none", edgecolor="#000000", lw=_FRAME_PT, label="default"))
-    _foot(figure, handles, 4, notes, advice=first)
+    foot(figure, handles, 4, notes, advice=first)
     return figure
 
 
@@ -305,12 +329,13 @@ def _set(text: str) -> str:
     )
 
 
-def _title(figure: Figure, title: str) -> None:
+def title_of(figure: Figure, title: str) -> None:
+    """Set the title of a chart at its upper left."""
     height = figure.get_size_inches()[1]
     figure.text(0.012, 1 - 0.06 / height, title, fontsize=10, va="top", ha="left")
 
 
-def _foot(
+def foot(
     figure: Figure, handles: Sequence[Line2D | Swatch], columns: int, notes: Sequence[str], *, advice: int = 0
 ) -> None:
     """The legend at the bottom and, below it, the note, whose first lines, of ``advice``, stand out."""
@@ -331,7 +356,7 @@ def short_variant(table: pd.DataFrame) -> str:
     return "Short variant: few settings and seeds; what to take rests on the whole study."
 
 
-def _notes(table: pd.DataFrame, take: str, note: str) -> tuple[int, list[str]]:
+def below_chart(table: pd.DataFrame, take: str, note: str) -> tuple[int, list[str]]:
     """Lines below a chart, and how many of them, the first, say what to take."""
     first = wrapped(take, 152) if take else []
     parts = [str(table[name].iloc[0]) for name in ("machine", "versions") if name in table]
@@ -340,7 +365,7 @@ def _notes(table: pd.DataFrame, take: str, note: str) -> tuple[int, list[str]]:
     return len(first), [_set(line) for line in lines]
 
 
-def _repeats(rows: pd.DataFrame) -> str:
+def repeats(rows: pd.DataFrame) -> str:
     """On how many seeds the points of a chart stand, where on more than one."""
     fewest, most = rows["seeds"].min(), rows["seeds"].max()
     return "" if most == 1 else f"Medians and quartiles over {most if fewest == most else f'{fewest} to {most}'} seeds."

@@ -43,6 +43,21 @@ def take_turns(calls: Mapping[str, Callable[[], Result]], rounds: int) -> dict[s
     return {name: Timed(results[name], min(spent[name]), max(spent[name])) for name in calls}
 
 
+@dataclass(frozen=True)
+class Cost:
+    """CPU and wall time [s] of a call."""
+
+    cpu_s: float
+    wall_s: float
+
+
+def measured_cost(run: Callable[[], Result]) -> tuple[Result, Cost]:
+    """The result of a call and what it cost in this process."""
+    cpu, wall = time.process_time(), time.perf_counter()
+    result = run()
+    return result, Cost(time.process_time() - cpu, time.perf_counter() - wall)
+
+
 def cpu_seconds(run: Callable[[], object]) -> float:
     """CPU time of a call, all threads [s]."""
     start = time.process_time()

@@ -10,7 +10,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from studies.charts import advice, map_chart, scatter_chart
-from studies.frame import Drawing, Maps, Scatter, Study, loaded, read_table
+from studies.frame import Drawing, Maps, Outcomes, Scatter, Study, loaded, read_table
+from studies.outcome_charts import outcome_chart
 from studies.paper.conclusions import conclude, conclusion
 from towval.report.style import save_figure
 
@@ -44,6 +45,10 @@ def figure_of(source: Study | Drawing, plan: Mapping[str, Any], tables: Mapping[
     if isinstance(source, Drawing):
         return source.draw(plan, tables)
     (table,), chart = tables.values(), source.chart
+    if isinstance(chart, Outcomes):
+        note = f"{chart.note} {chart.truth}".strip()
+        stage = f"CPU time of {chart.stage} [s]"
+        return outcome_chart(table, chart.title, stage, chart.planted, note, advice(chart, table))
     if isinstance(chart, Scatter):
         note = f"{chart.note} {chart.truth}".strip()
         labels = (chart.cost, chart.error)

@@ -74,6 +74,27 @@ class Scatter:
 
 
 @dataclass(frozen=True)
+class Outcomes(Scatter):
+    """A chart of what whole runs end with, against cost.
+
+    Rows have the columns of :class:`Scatter`, with the panels of :data:`BOUND` and :data:`OFF` and errors in mm, and
+    ``stage_cost``, the CPU time of the stage that is charted [s]; ``verdict`` and ``holds``, whether the bound held;
+    ``wrong_verdict``, ``wrong_holds`` and ``wrong_error`` of the same run with a planted fault. ``planted`` says which,
+    ``stage`` what the label of its cost names. ``why`` takes the rows of :func:`studies.charts.outcome_summary`.
+    """
+
+    planted: str = ""
+    stage: str = ""
+
+
+BOUND, OFF = "bound of the largest error", "largest error, simulated - true"
+"""Panels of a chart of outcomes."""
+
+REFUSED = "refused"
+"""The verdict of a run of which a stage refuses to go on."""
+
+
+@dataclass(frozen=True)
 class Maps:
     """Maps of judgements: rows have ``map``, ``x``, ``y`` and the columns of :func:`judged`.
 

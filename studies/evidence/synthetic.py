@@ -7,6 +7,7 @@ from typing import Any
 
 import pandas as pd
 
+from studies import end_to_end
 from studies.costs import Timed
 from studies.evidence.ledger import Check, Values
 from studies.evidence.planting import both, flawed, replaced, result_of, tethered_longer
@@ -65,13 +66,13 @@ PRESETS = Check(
     _presets,
     {
         "the simulated tether is 5 % too long, poses scatter by 3 mm, the clock counts tenfold": both(
-            replaced(presets, "simulate_selecting", _longer),
-            replaced(presets, "track", flawed(3e-3, 1e-3)),
-            replaced(presets, "track_selecting", _flawed_selected),
+            replaced(end_to_end, "simulate_selecting", _longer),
+            replaced(end_to_end, "track", flawed(3e-3, 1e-3)),
+            replaced(end_to_end, "track_selecting", _flawed_selected),
             replaced(presets, "take_turns", result_of(_tenfold)),
         ),
         "u_val is halved, and what is found of the draws gets lost": replaced(
-            presets, "sample_selecting", result_of(_halved)
+            end_to_end, "sample_selecting", result_of(_halved)
         ),
     },
 )

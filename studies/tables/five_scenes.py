@@ -21,8 +21,8 @@ import numpy as np
 import pandas as pd
 import yaml
 
+from studies.end_to_end import AUTO, Pipeline, PipelineResult
 from studies.evidence.compute import commit, shared_folder
-from studies.tradeoff.presets import AUTO, PipelineResult, run_pipeline
 from studies.worlds.campaign import ANCHOR, HINGE, RATE_HZ
 from studies.worlds.folder import film_campaign
 from studies.worlds.scenes import Motion, drive
@@ -32,6 +32,7 @@ from towval.io.campaign import Campaign, load_campaign
 from towval.model import Array, Choice, FrictionSpecification, Patch, Tether, TimedPath, TowedObject
 from towval.model.errors import TowvalError
 from towval.model.geometry import rms_length, transform
+from towval.model.presets import PRESETS
 from towval.physics.dynamics import feedback
 from towval.physics.friction_laws.makkar import fit_specification
 from towval.validation.decimate import decimate
@@ -153,7 +154,7 @@ def scenes(shared: Path, folder: Path) -> Iterator[Scene]:
 
 def _result(campaign: Campaign) -> PipelineResult | str:
     try:
-        return run_pipeline(campaign, AUTO)
+        return Pipeline(campaign).run(PRESETS[AUTO])
     except TowvalError as error:
         return "; ".join(line.strip() for line in str(error).splitlines())
 

@@ -153,6 +153,15 @@ def bending_tow(frames: int = FRAMES) -> tuple[Motion, Array]:
     return rover, towed_motion(rover, np.array([-1.2, 0.0, 0.15]), np.arange(frames) / RATE_HZ)
 
 
+def random_tow(seed: int, frames: int = FRAMES) -> tuple[Motion, Array]:
+    """A rover's motion and the object's poses (frames, 3) behind it: after a rest an arc, the tether slack at first."""
+    rng = np.random.default_rng(seed)
+    start = (-0.15, rng.uniform(-0.1, 0.1), rng.uniform(-0.2, 0.2))
+    rover = drive(start, speed=rng.uniform(0.15, 0.3), turn=rng.uniform(-0.7, 0.7), rest_s=0.3)
+    behind = np.array([rng.uniform(-1.4, -1.2), rng.uniform(-0.1, 0.1), rng.uniform(-0.2, 0.2)])
+    return rover, towed_motion(rover, behind, np.arange(frames) / RATE_HZ)
+
+
 def synthetic_campaign(
     rover: Motion,
     towed: Array,

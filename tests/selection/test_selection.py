@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from studies.end_to_end import calibrated
 from studies.maps.carry_over import NOISE, true_run
-from studies.tradeoff.presets import calibrated
 from studies.worlds.boards import calibration_set
 from studies.worlds.challenges import metre
 from studies.worlds.folder import write_campaign

@@ -15,7 +15,7 @@ from studies.comparators.smoothers import douglas_peucker, rts_smoother, smoothi
 from studies.compute import gather, run_part
 from studies.costs import least_cpu_seconds, take_turns, wall_and_cpu_seconds
 from studies.draw import draw_chart, figure_of
-from studies.frame import Judgement, Scatter, Settings, judged, loaded
+from studies.frame import Judgement, Outcomes, Scatter, Settings, judged, loaded
 from studies.page import front_view, write_page
 from studies.registry import FIGURES, PAPER, STABILITY, TRADEOFF
 from studies.tradeoff.friction import CENTRE, FRICTION, MASS, SIDE, true_wrench
@@ -281,10 +281,14 @@ NAMED = {
         (FEET, "one left out", "no heights"),
     ],
 }  # fmt: skip
-"""Points that each chart's reasons name, the default first."""
+"""Points that each chart's reasons name, the default first; for the charts of outcomes see test_outcomes.py."""
 
 
-@pytest.mark.parametrize("chart", TRADEOFF)
+def test_the_points_that_reasons_name_are_known_of_all_charts():
+    assert {name for name in TRADEOFF if not isinstance(loaded(TRADEOFF[name]).chart, Outcomes)} == set(NAMED)
+
+
+@pytest.mark.parametrize("chart", NAMED)
 def test_the_reasons_below_a_chart_follow_from_its_rows(chart):
     rows = pd.DataFrame(NAMED[chart], columns=["panel", "series", "setting"])
     errors = 1.7 * 2.0 ** -np.arange(len(rows))
