@@ -1,5 +1,6 @@
 """The scale of the calibration against the tops of known size in the pictures."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from studies.worlds.scenes import CeilingCamera, FilmedScene, small_camera, standard_scene
 from towval.model import Calibration, Finding, Floor
+from towval.model.findings import leaves_unjudged
 from towval.optics.projection import project, to_plane
 from towval.tracking import known_lengths
 from towval.tracking.known_lengths import (
@@ -122,6 +124,19 @@ def test_a_top_of_another_size_than_the_other_is_named(rover, towed, named):
     found = scale_findings(scaled(scene, 1.0), tops_of(scene, rover, towed))
     assert [each.code for each in found] == ["tops_scale"] * (named is not None)
     assert all(f"the top of {named} is" in each.text for each in found)
+
+
+@pytest.mark.parametrize(
+    ("deviations", "codes"), [(2.3, []), (2.7, ["tops_differ"]), (3.3, ["tops_differ"]), (3.7, ["tops_scale"])]
+)
+def test_tops_that_differ_by_three_deviations_excuse_a_difference_and_by_four_leave_a_run_unjudged(deviations, codes):
+    """A sound run of 4096 points was left without a verdict at 2.5."""
+    scene = standard_scene(1, **small_camera())
+    found = scale_findings(scaled(scene, 1.0), tops_of(scene, [0.0] * 5, [0.02] * 5))
+    std = float(re.search(r"± (\S+) %", found[0].text).group(1)) / 100
+    found = scale_findings(scaled(scene, 1.0), tops_of(scene, [0.0] * 5, [deviations * std] * 5))
+    assert [each.code for each in found] == codes
+    assert [leaves_unjudged(each) for each in found] == [code == "tops_scale" for code in codes]
 
 
 def test_a_height_that_is_stated_wrong_shows_in_the_outlines_of_a_run():

@@ -221,6 +221,13 @@ register(  # calibrate
         "mark: {stated_px:.1f} px). Check its pixel and its coordinates.",
     ),
 )  # fmt: skip
+
+_TOPS_APART = (
+    "Compared with the other body, the outline of the top of {name} is {percent:+.2f} ± {std_percent:.2f} % larger "
+    "than its top_corners_m would appear at its tracked_plane_height_m: as if that were {height_mm:.0f} mm off. "
+    "Measure that height (of the edges of the top above the floor) and the corners again."
+)
+
 register(  # track
     FindingType(
         "video_damaged", "track", WARNING, NONE,
@@ -254,12 +261,8 @@ register(  # track
         "calibration (camera.board.square_m: a board printed at another size; another zoom) or top_corners_m and "
         "tracked_plane_height_m are wrong. Measure the board and the tops again.",
     ),
-    FindingType(
-        "tops_scale", "track", WARNING, NOT_JUDGED,
-        "Compared with the other body, the outline of the top of {name} is {percent:+.2f} ± {std_percent:.2f} % larger "
-        "than its top_corners_m would appear at its tracked_plane_height_m: as if that were {height_mm:.0f} mm off. "
-        "Measure that height (of the edges of the top above the floor) and the corners again.",
-    ),
+    FindingType("tops_differ", "track", WARNING, EXCUSES, _TOPS_APART),
+    FindingType("tops_scale", "track", WARNING, NOT_JUDGED, _TOPS_APART),
     FindingType(
         "sides_wrong", "track", WARNING, NOT_JUDGED,
         "Edges and clicks both show the {side} of the top of {name} {percent:+.1f} % off top_corners_m: the outline "
