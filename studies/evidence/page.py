@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -59,12 +60,23 @@ def write_ledger(outcomes: Sequence[Path], memory: Path, outputs: Sequence[Path]
     found = {name: judged(group, made.get(name, ()), before.get(name, {})) for name, group in groups.items()}
     for name, group in groups.items():
         found[name] |= _age(group, found[name])
-    data = json.dumps({"groups": found}, indent=1, ensure_ascii=False) + "\n"
+    data = _one_row_a_line(found)
     for output in outputs:
         write_text(output, data if output.suffix == ".json" else markdown(groups, found))
     wrong = [fault for name in made for fault in faults_of(name, found[name])]
     if wrong:
         raise TowvalError("the ledger does not hold", got="; ".join(wrong), remedy="see evidence.md")
+
+
+def _one_row_a_line(found: Mapping[str, Mapping[str, Any]]) -> str:
+    """The ledger as JSON: half the size of an indented one, and a changed row is one changed line."""
+    written = partial(json.dumps, ensure_ascii=False)
+    parts = []
+    for name, group in found.items():
+        rows = ",\n   ".join(map(written, group["rows"]))
+        head = written({key: value for key, value in group.items() if key != "rows"})[1:-1]
+        parts.append(f'  {written(name)}: {{{head}{", " if head else ""}"rows": [\n   {rows}\n  ]}}')
+    return '{"groups": {\n' + ",\n".join(parts) + "\n}}\n"
 
 
 def judged(group: Group, outcomes: Sequence[Mapping[str, Any]], before: Mapping[str, Any]) -> dict[str, Any]:
