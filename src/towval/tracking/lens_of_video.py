@@ -12,6 +12,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from towval.model import CALIBRATION_PARAMETERS, Array, Camera, Floor
+from towval.model.geometry import lifted
 from towval.optics.moved_view import moved_view, parameters_by_motion
 from towval.optics.projection import project, to_plane
 from towval.tracking.floor_registration import MEDIAN_NORMAL, FloorRegistration
@@ -68,8 +69,8 @@ class OtherLens:
         columns, rows = (np.arange(0, size + _GRID_PX, _GRID_PX) for size in luma.shape[::-1])
         grid = np.stack(np.meshgrid(columns, rows), axis=-1)
         places = to_plane(*view, grid, 0.0)
-        on_floor = np.concatenate([places, np.zeros((*places.shape[:2], 1))], axis=2)
-        pixels = np.nan_to_num(project(self.of(self.camera), floor, on_floor), nan=-1.0).astype(np.float32)
+        shown = project(self.of(self.camera), floor, lifted(places, 0.0))
+        pixels = np.nan_to_num(shown, nan=-1.0).astype(np.float32)
         v, u = np.indices(luma.shape, dtype=np.float32) / _GRID_PX
         x, y = (cv2.remap(np.ascontiguousarray(pixels[..., i]), u, v, cv2.INTER_LINEAR) for i in range(2))
         return np.asarray(cv2.remap(luma, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE), dtype=np.uint8)
@@ -150,7 +151,7 @@ def _step(seen: FloorRegistration, pictures: Sequence[Luma]) -> OtherLens | None
     def misfit(z: Array) -> Array:
         motion, lens, stretch = np.split(z * units, [len(still), -1])
         on_floor = to_plane(_with_lens(camera, lens), floor, shown, 0.0)
-        pixels = project(*moved_view(camera, floor, motion), np.column_stack([on_floor, np.zeros(len(on_floor))]))
+        pixels = project(*moved_view(camera, floor, motion), lifted(on_floor, 0.0))
         pixels[:, 0] -= stretch * (pixels[:, 0] - camera.matrix[0, 2])
         return np.append((pixels - found).ravel() / CONSTANTS.place_px, z[: len(still)])
 
