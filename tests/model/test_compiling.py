@@ -163,3 +163,77 @@ def test_numba_is_there_without_scipy_and_scipy_works_after_it():
 def test_files_that_tell_numba_how_to_compile_count_for_all_folders():
     """Their code is inlined wherever it is used: by the spatial tow, too, which is in another folder."""
     assert {"lanes.py", "contact.py"} <= {path.name for path in _compiling_files()}
+
+
+SCALING = """
+from numba.extending import overload
+
+
+def scaled(factor):
+    def scale(x):
+        raise NotImplementedError
+
+    @overload(scale)
+    def compile_scale(x):
+        def scale(x):
+            total = 0.0
+            for k in range(int(x)):  # One line would be inlined, and no symbol be left of it.
+                total += factor * (x + total) / (k + 1)
+            return total
+
+        return scale
+
+    return scale
+"""
+
+SCALED = """
+from scaling import scaled
+from towval.model.compiling import compiled
+
+scale = scaled({factor})
+
+
+@compiled()
+def {name}(x):
+    return scale(x) + scale(x + 1.0) + scale(2.0 * x)
+"""
+
+CALLS = """
+import importlib
+import os
+import sys
+
+forks = sys.argv[1] == "forked"
+for name in sys.argv[2:]:
+    if not forks or not os.fork():
+        function = getattr(importlib.import_module(name), name)
+        print(function(3.0), sum(function.stats.cache_hits.values()), flush=True)
+        if forks:
+            os._exit(0)
+    else:
+        os.wait()
+"""
+
+
+@pytest.mark.parametrize(
+    "forks", [False, pytest.param(True, marks=pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here"))]
+)
+def test_functions_of_one_name_are_told_apart_in_the_caches_of_two_processes(tmp_path: Path, forks: bool) -> None:
+    """Numba counts the functions of each process from one: the cached code of two would have a symbol in common."""
+    (tmp_path / "scaling.py").write_text(SCALING)
+    for name, factor in (("doubled", 2.0), ("fivefold", 5.0)):
+        (tmp_path / f"{name}.py").write_text(SCALED.format(name=name, factor=factor))
+    # Settings of the compiler are in the symbols, too, in the order of a set of strings.
+    kept = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"} | {"PYTHONHASHSEED": "0"}
+
+    def run(*arguments: str) -> list[str]:
+        command = [sys.executable, "-c", CALLS, *arguments]
+        return subprocess.run(
+            command, cwd=tmp_path, env=kept, capture_output=True, text=True, check=True
+        ).stdout.split()
+
+    apart = run("forked", "doubled", "fivefold") if forks else [*run("", "doubled"), *run("", "fivefold")]
+    (doubled, _), (fivefold, _) = apart[:2], apart[2:]
+    assert apart[1::2] == ["0", "0"]
+    assert float(fivefold) > 2 * float(doubled)
+    assert run("", "doubled", "fivefold") == [doubled, "1", fivefold, "1"]

@@ -8,13 +8,19 @@ and every file of this package that compiles anything or tells numba how. Edits 
 Division by zero follows IEEE 754 instead of raising, because a check would cost more than the division. Products and
 sums are rounded separately: if the compiler were free to fuse them, the last digits would depend on what it inlines,
 and that on whether a function was just compiled or read from the cache. Exceptions are marked where they are made.
+
+Numba tells functions of one name apart by a number that it counts up in each process, and takes it into the symbols of
+the machine code. What two processes have cached may then hold two functions under one symbol, of which a third process
+runs one for both: wrong numbers, or none at all (numba's issue 10486). Each process counts from a random number here.
 """
 
 import atexit
 import hashlib
 import importlib
 import inspect
+import itertools
 import os
+import secrets
 import shutil
 import sys
 import tempfile
@@ -25,6 +31,7 @@ from typing import Any, TypeVar
 
 import numba
 from numba import njit
+from numba.core.bytecode import FunctionIdentity
 
 _CONFIG: Any = numba.config  # Its attributes are set at run time.
 _KEPT = 3  # Caches kept per folder: those of two branches and one spare.
@@ -45,6 +52,16 @@ def _import_numba_without_scipy() -> None:
 
 
 _import_numba_without_scipy()
+
+
+def _number_functions_apart() -> None:
+    """Let this process number what it compiles from where no other does: 2**48 starts leave each 2**15 numbers."""
+    FunctionIdentity._unique_ids = itertools.count(secrets.randbits(48) << 15)
+
+
+_number_functions_apart()
+if hasattr(os, "register_at_fork"):  # Not where processes cannot fork.
+    os.register_at_fork(after_in_child=_number_functions_apart)
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
