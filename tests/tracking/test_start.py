@@ -25,6 +25,7 @@ from towval.tracking.clicks import (
     _exchanged,
     _of_one_scale,
     _size_findings,
+    _with_edges,
     check_clicks,
     overstretched,
 )
@@ -115,6 +116,19 @@ def test_clicks_are_not_moved_to_where_no_edges_are(monkeypatch):
     found = _checked(own, [luma], clicks_px)
     assert np.array_equal(found.corners_px, clicks_px)
     assert [each.code for each in found.findings] == ["start_unsure"]
+
+
+@pytest.mark.parametrize(("with_the_body", "others_count"), [(True, False), (False, True)])
+def test_clicks_on_lines_of_the_floor_do_not_speak_against_other_places(with_the_body, others_count):
+    """Lines that stay behind where the body moves are none of its edges, however sharp; its own edges were faint."""
+    own = painted_target(0.5, 0.35)
+    step = np.array([0.4, 0.1, 0.0])
+    moved = compose(step, POSE)
+    faint = compose(POSE, own.metres_per_pixel(POSE) * np.array([15.0, 12.0, 0.0]))
+    lines = picture(own, grey=lambda xy: np.full(len(xy), 150.0))
+    later = picture(own, moved, grey=lambda xy: np.full(len(xy), 150.0)) if with_the_body else lines
+    views = [(lines, np.zeros(3)), (later, step)]
+    assert _with_edges(own, views, POSE, [(0.9, faint)]) == [(0.9, faint)] * others_count
 
 
 @pytest.mark.parametrize(("beside_px", "corrected"), [([-36], True), ([-36, 36], False)])
@@ -606,8 +620,9 @@ def clicked_beside(monkeypatch, step, here=0.3, settles=0.0):
     own = painted_target()
     pixel_m = own.metres_per_pixel(POSE)
     pose = compose(POSE, np.array(step) * np.array([pixel_m, pixel_m, 1.0]))
+    luma = picture(own)
     search = SimpleNamespace(
-        views=[None],
+        views=[(luma, np.zeros(3))],
         found=lambda about, within, most=9: [(0.9, POSE)] if abs(about - POSE[2]) < within else [],
         sharpened=lambda place, _: (here, place),
     )
@@ -616,7 +631,7 @@ def clicked_beside(monkeypatch, step, here=0.3, settles=0.0):
     edges = compose(POSE, settles * np.array(step) * np.array([pixel_m, pixel_m, 1.0]))
     monkeypatch.setattr(clicks_module, "settled", lambda *_: (edges, np.zeros((3, 3))))
     clicks_px = own.pixels(own.body.top_corners_m, pose)
-    return _checked(own, [picture(own)], clicks_px), clicks_px
+    return _checked(own, [luma], clicks_px), clicks_px
 
 
 @pytest.mark.parametrize(("turn_deg", "corrected"), [(12.0, True), (21.0, False)])

@@ -175,9 +175,9 @@ register(  # calibrate
     FindingType(
         "held-differ", "calibrate", WARNING, NONE,
         "Taken with another zoom or crop than the first picture of the floor: {names} (magnified by {percent:+.2f} ± "
-        "{std_percent:.2g} %, shifted by ({u:.1f}, {v:.1f}) px). That is corrected: the camera is that of the floor's "
-        "first picture, and must be that of the videos. Take all pictures as the videos are filmed, focus and zoom "
-        "locked.",
+        "{std_percent:.2g} %, shifted by ({u:.1f}, {v:.1f}) px). If one camera took them all, that is corrected: the "
+        "zoom is that of the floor's first picture, and must be that of the videos. Of another camera they leave the "
+        "picture's centre wrong. Take all pictures as the videos are filmed, by one camera, focus and zoom locked.",
     ),
     FindingType(
         "held-flipped", "calibrate", (Severity.REFUSAL,), NOT_JUDGED,

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from towval.model import Array, Body, Calibration, Finding, Track
 from towval.model.findings import finding
-from towval.model.geometry import inverse_transform
+from towval.model.geometry import compose, inverse_transform
 from towval.tracking.co_moving import co_moving
 from towval.tracking.follow import CONSTANTS as FOLLOW
 from towval.tracking.outline import CONSTANTS as OUTLINE
@@ -16,6 +16,7 @@ from towval.tracking.outline import observe_outline, observe_sides, pose_from_cl
 from towval.tracking.overlay import standing_still
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import step_between
+from towval.tracking.rectified import View
 from towval.tracking.start import CONSTANTS, Place, Tow, around, check_in_view, joined_orientations
 from towval.tracking.template import Luma
 
@@ -65,7 +66,7 @@ def _checked(target: PlanarTarget, pictures: Sequence[Luma], clicks_px: ArrayLik
     at_first = around(target, clicked, [(pictures[0], np.zeros(3))]).found(clicked[2], turn, CONSTANTS.most_near)
     search = around(target, clicked, co_moving(target, at_first[0][1] if at_first else clicked, pictures))
     here, beside = search.sharpened(clicked, 2 * pixel)
-    found = _with_edges(target, pictures[0], clicked, search.found(clicked[2], turn))
+    found = _with_edges(target, search.views, clicked, search.found(clicked[2], turn))
     best, place = next(iter(found), (0.0, clicked))
     clear = Place(best, place, tuple(search.views)).clear
     pose, of_place = settled(target, search.views, place)
@@ -102,17 +103,19 @@ def unsure_start(name: str, spread: Array) -> Finding:
 
 
 def _with_edges(
-    target: PlanarTarget, luma: Luma, clicked: Array, found: Sequence[tuple[float, Array]]
+    target: PlanarTarget, views: Sequence[View], clicked: Array, found: Sequence[tuple[float, Array]]
 ) -> list[tuple[float, Array]]:
     """Those of the places found, with their scores, that show the top's edges, where the clicks surely do.
 
-    A search looks at contrast along the whole outline, of which light on the top may make more elsewhere.
+    A search looks at contrast along the whole outline, of which light on the top may make more elsewhere. Clicks may
+    also lie on lines of the floor: these stay behind where the body moves, so edges count that all views show.
     """
-    fit = observe_outline(luma, target, clicked)
     least_m = FOLLOW.unsure_edges_px * target.metres_per_pixel(clicked)
-    if fit is None or np.linalg.eigvalsh(fit.covariance[:2, :2])[-1] > least_m**2:
-        return list(found)
-    return [(score, place) for score, place in found if observe_outline(luma, target, place) is not None]
+    for luma, step in views:
+        fit = observe_outline(luma, target, compose(step, clicked))
+        if fit is None or np.linalg.eigvalsh(fit.covariance[:2, :2])[-1] > least_m**2:
+            return list(found)
+    return [(score, place) for score, place in found if observe_outline(views[0][0], target, place) is not None]
 
 
 def _misled(target: PlanarTarget, pictures: Sequence[Luma], clicked: Array, place: Array) -> bool:
