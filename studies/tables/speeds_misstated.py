@@ -1,6 +1,6 @@
 """What bounds the error of a simulation whose v_s and v_k are stated 25 % too large, all else being exact.
 
-    python -m studies.tables.speeds_misstated [--first 7000] [--runs 4] [--samples 256]
+    python -m studies.tables.speeds_misstated [--first 7000] [--runs 10] [--samples 256]
 
 Runs of two worlds of :mod:`studies.worlds.verdict_worlds`, measured by the camera that these have and by one whose
 deviations are 0.3 times as large, as in the filmed lab_a. All other inputs are stated as they are, with their
@@ -76,7 +76,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--first", type=int, default=7000)
-    parser.add_argument("--runs", type=int, default=4)
+    parser.add_argument("--runs", type=int, default=10)
     parser.add_argument("--samples", type=int, default=256)
     given = parser.parse_args()
     for row in rows(range(given.first, given.first + given.runs), given.samples):
