@@ -51,6 +51,11 @@ def _with(whole: Whole, **changed: Any) -> Whole:
     return copy
 
 
+def _with_part(real: Realisation, part: str, **changed: Any) -> Realisation:
+    """A copy in which a part of the scene has other fields."""
+    return _with(real, scene=_with(real.scene, **{part: _with(getattr(real.scene, part), **changed)}))
+
+
 def _in_scene(field: str) -> Callable[[Realisation, Array], Realisation]:
     """Sets a field of the scene, a number or a point."""
 
@@ -66,8 +71,7 @@ def _in_part(part: str, field: str, at_least: float = -np.inf) -> Callable[[Real
 
     def acts(real: Realisation, value: Array) -> Realisation:
         bounded = np.maximum(value, at_least)
-        changed = _with(getattr(real.scene, part), **{field: bounded if len(bounded) > 1 else float(bounded[0])})
-        return _with(real, scene=_with(real.scene, **{part: changed}))
+        return _with_part(real, part, **{field: bounded if len(bounded) > 1 else float(bounded[0])})
 
     return acts
 
@@ -88,15 +92,12 @@ def _friction(real: Realisation, value: Array) -> Realisation:
     """Scales kinetic and static coefficient together; the row of the static one comes later and sets it separately."""
     friction, kinetic = real.scene.friction, float(value[0])
     # By their ratio: where both are the same they stay so, to the last bit.
-    friction = _with(friction, kinetic=kinetic, static=kinetic * (friction.static / friction.kinetic))
-    return _with(real, scene=_with(real.scene, friction=friction))
+    return _with_part(real, "friction", kinetic=kinetic, static=kinetic * (friction.static / friction.kinetic))
 
 
 def _static(real: Realisation, value: Array) -> Realisation:
     """Set the static coefficient, no lower than the kinetic one: at that value the law has no peak."""
-    friction = real.scene.friction
-    friction = _with(friction, static=max(float(value[0]), friction.kinetic))
-    return _with(real, scene=_with(real.scene, friction=friction))
+    return _with_part(real, "friction", static=max(float(value[0]), real.scene.friction.kinetic))
 
 
 def _stiction_velocity(real: Realisation, value: Array) -> Realisation:
@@ -105,26 +106,24 @@ def _stiction_velocity(real: Realisation, value: Array) -> Realisation:
     settled = max(
         friction.friction_velocity, min(_APART, friction.friction_velocity / friction.stiction_velocity) * speed
     )
-    friction = _with(friction, stiction_velocity=speed, friction_velocity=settled)
-    return _with(real, scene=_with(real.scene, friction=friction))
+    return _with_part(real, "friction", stiction_velocity=speed, friction_velocity=settled)
 
 
 def _friction_velocity(real: Realisation, value: Array) -> Realisation:
     friction = real.scene.friction
     least = min(_APART * friction.stiction_velocity, friction.friction_velocity)
-    friction = _with(friction, friction_velocity=max(float(value[0]), least))
-    return _with(real, scene=_with(real.scene, friction=friction))
+    return _with_part(real, "friction", friction_velocity=max(float(value[0]), least))
 
 
 def _slope(real: Realisation, value: Array) -> Realisation:
-    return _with(real, scene=_with(real.scene, ground=_with(real.scene.ground, slope=value)))
+    return _with_part(real, "ground", slope=value)
 
 
 def _regions(real: Realisation, value: Array) -> Realisation:
     """Add one change to the factors of all regions."""
-    ground = real.scene.ground
-    regions = tuple(replace(region, factor=max(0.01, region.factor + float(value[0]))) for region in ground.regions)
-    return _with(real, scene=_with(real.scene, ground=_with(ground, regions=regions)))
+    added, regions = float(value[0]), real.scene.ground.regions
+    raised = tuple(replace(region, factor=max(0.01, region.factor + added)) for region in regions)
+    return _with_part(real, "ground", regions=raised)
 
 
 def _inertia(real: Realisation, value: Array) -> Realisation:
