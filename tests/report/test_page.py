@@ -11,7 +11,7 @@ from report_scenes import LOST, ceiling_calibration, towed_run, uncertainty_of
 from towval.io.summary import summary_csv, summary_latex
 from towval.model import Bounds, Finding, Severity, Verdict
 from towval.model.errors import InputError
-from towval.report.data import InputRow, Provenance, ReportData, RunReport, StageFinding
+from towval.report.data import InputRow, Provenance, ReportData, RunReport
 from towval.report.drawing import draw_figures
 from towval.report.facts import calibration_facts, key_numbers, plane_table, side_by_side, verdict_reason
 from towval.report.page import write_report
@@ -28,16 +28,17 @@ PROVENANCE = Provenance(
 
 
 def data(**changes):
+    first, pauses = towed_run("a"), Finding(Severity.NOTE, "pauses", "Two pauses were kept.")
+    first = dataclasses.replace(first, decimated=dataclasses.replace(first.decimated, findings=(pauses,)))
     fields = {
         "campaign": "lab <test>",
-        "runs": (RunReport(towed_run("a")), RunReport(towed_run("b", seed=3))),
+        "runs": (RunReport(first), RunReport(towed_run("b", seed=3))),
         "provenance": PROVENANCE,
         "calibration": ceiling_calibration(),
         "inputs": (
             InputRow("Kinetic friction", "0.35", std="0.005", source="campaign.yaml"),
             InputRow("Mass", "4.0", "kg"),
         ),
-        "findings": (StageFinding("decimate", Finding(Severity.NOTE, "pauses", "Two pauses were kept."), "a"),),
     }
     return ReportData(**(fields | changes))
 
@@ -166,8 +167,8 @@ def test_same_data_give_the_same_bytes_with_and_without_figures_beside(tmp_path)
 
 
 def test_gravest_findings_come_first_and_shared_ones_once():
-    refusal = StageFinding("campaign", Finding(Severity.REFUSAL, "tether_short", "The tether is shorter than nothing."))
-    found = collect_findings(data(findings=(*data().findings, refusal)))
+    refusal = Finding(Severity.REFUSAL, "tether_short", "The tether is shorter than nothing.")
+    found = collect_findings(data(findings=(refusal,)))
     assert [f.severity for f in found] == ["refusal", "warning", "note", "note"]
     assert found[1].runs == ("a", "b")
     assert found[0].runs == ()
@@ -177,8 +178,8 @@ def test_gravest_findings_come_first_and_shared_ones_once():
 def test_runs_that_are_left_out_stand_below_the_first_table(tmp_path, runs):
     """Once, and the verdict on all runs together beside them where there are several."""
     given = [
-        StageFinding("campaign", Finding(Severity.NOTE, "campaign_verdict", "All runs together agree.")),
-        StageFinding("campaign", Finding(Severity.WARNING, "runs_left_out", "Left out: run <c> (bad light).")),
+        Finding(Severity.NOTE, "campaign_verdict", "All runs together agree."),
+        Finding(Severity.WARNING, "runs_left_out", "Left out: run <c> (bad light)."),
     ]
     records = tuple(RunReport(towed_run(name, n=100)) for name in runs)
     page = write_report(tmp_path / "report.html", data(runs=records, findings=tuple(given), calibration=None))

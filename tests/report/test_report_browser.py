@@ -10,7 +10,7 @@ from browser import Browser
 
 from report_scenes import NUMBER_PX, SMALL_SIZE_PX, numbered_film, small_calibration, towed_run, uncertainty_of
 from towval.model import Finding, Severity
-from towval.report.data import InputRow, Provenance, ReportData, RunReport, StageFinding
+from towval.report.data import InputRow, Provenance, ReportData, RunReport
 from towval.report.outlines import film_layers
 from towval.report.page import write_report
 
@@ -278,14 +278,14 @@ NASTY = (
 def test_names_and_texts_of_a_campaign_carry_nothing_out(tmp_path):
     run = known("a")
     finding = Finding(Severity.WARNING, "odd", NASTY)
-    comparison = dataclasses.replace(run.comparison, findings=(Finding(Severity.NOTE, "verdict", NASTY),))
+    comparison = dataclasses.replace(run.comparison, findings=(Finding(Severity.NOTE, "verdict", NASTY), finding))
     data = ReportData(
         NASTY,
-        (RunReport(dataclasses.replace(run, comparison=comparison)),),
+        (RunReport(dataclasses.replace(run, name=NASTY, comparison=comparison)),),
         Provenance(NASTY, {NASTY: NASTY}, {NASTY: NASTY}, NASTY, {NASTY: NASTY}),
         calibration=small_calibration(),
         inputs=(InputRow(NASTY, NASTY, NASTY, NASTY, NASTY),),
-        findings=tuple(StageFinding(stage, finding, NASTY) for stage in ("campaign", "track", "calibrate", NASTY)),
+        findings=(finding,),
     )
     with Browser(tmp_path / "profile") as browser:
         browser.open(write_report(tmp_path / "report.html", data).as_uri())

@@ -31,7 +31,7 @@ from towval.model.inputs import INPUTS, UncertainInput, is_left_out, stated_in
 from towval.model.repeats import Corridor
 from towval.model.run_record import RunRecord
 from towval.optics.plane_uncertainty import uncertainty_map
-from towval.report.data import InputRow, Provenance, ReportData, ReportSettings, RunReport, StageFinding
+from towval.report.data import InputRow, Provenance, ReportData, ReportSettings, RunReport
 from towval.report.page import write_report
 from towval.validation.campaign import campaign_verdict
 from towval.validation.repeats import corridor, corridor_finding
@@ -69,9 +69,7 @@ def run(
             calibration, given.object.tracked_plane_height_m, height_std_m=given.object.height_std_m
         ),
         inputs=tuple(_inputs(given)),
-        findings=tuple(
-            StageFinding("campaign", each) for each in (together, *remarks, *map(corridor_finding, repeats))
-        ),
+        findings=(together, *remarks, *map(corridor_finding, repeats)),
         repeats=repeats,
         identification=None if identified is None else read_identification(identified),
     )

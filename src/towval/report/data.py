@@ -53,15 +53,6 @@ class InputRow:
 
 
 @dataclass(frozen=True)
-class StageFinding:
-    """A finding of a stage whose result holds no findings, such as ``campaign``; ``run`` is empty for all runs."""
-
-    stage: str
-    finding: Finding
-    run: str = ""
-
-
-@dataclass(frozen=True)
 class Provenance:
     """Origin of the results.
 
@@ -90,7 +81,7 @@ class ReportData:
     """All data of a report; the page leaves out the sections of parts that are missing.
 
     ``calibration`` and ``uncertainty`` are those of the campaign; ``repeats`` of groups of runs. ``findings`` are those
-    that no result holds; others come from the results. Films of more than ``embed_mb`` [MB] in all are linked, and
+    of the whole campaign; others come from the results. Films of more than ``embed_mb`` [MB] in all are linked, and
     figures saved in the ``formats``.
     """
 
@@ -100,7 +91,7 @@ class ReportData:
     calibration: Calibration | None = None
     uncertainty: UncertaintyMap | None = None
     inputs: tuple[InputRow, ...] = ()
-    findings: tuple[StageFinding, ...] = ()
+    findings: tuple[Finding, ...] = ()
     identification: Identification | None = None
     repeats: tuple[Corridor, ...] = ()
     embed_mb: float = ReportSettings.embed_mb

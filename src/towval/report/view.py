@@ -129,7 +129,7 @@ def build(data: ReportData, drawn: Sequence[Drawn], page: FilePath) -> ReportVie
         campaign=data.campaign,
         sentence=sentence(records),
         rows=result_rows(records),
-        together=" ".join(each.finding.text for each in data.findings if each.finding.code in below_table),
+        together=" ".join(each.text for each in data.findings if each.code in below_table),
         legend=legend(records),
         confidence=_confidence(records),
         runs=tuple(_run_view(run, calibration, page, embed) for run in data.runs),
@@ -165,7 +165,7 @@ def findings_by_part(data: ReportData) -> dict[str, tuple[FindingView, ...]]:
 
 def collect_findings(data: ReportData) -> tuple[FindingView, ...]:
     """Findings of all stages in order of severity; one that several runs share is listed once."""
-    found = [(f.stage, f.run, f.finding) for f in data.findings if f.finding.code not in _BELOW_TABLE]
+    found = [("campaign", "", f) for f in data.findings if f.code not in _BELOW_TABLE]
     if data.identification is not None:
         found += [("identify", "", f) for f in data.identification.findings]
     if data.calibration is not None:
