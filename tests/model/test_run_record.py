@@ -3,7 +3,8 @@ import pytest
 
 from report_scenes import LOST, TOWED, towed_run, uncertainty_of
 from towval.model.errors import InputError
-from towval.model.run_record import measured_poses, nearest_samples, outline_at, pose_at
+from towval.model.geometry import transform
+from towval.model.run_record import measured_poses, nearest_samples, pose_at
 
 
 def test_nearest_samples_are_those_of_the_definition():
@@ -32,7 +33,7 @@ def test_seen_poses_leave_out_lost_frames():
 
 
 def test_outline_is_closed_and_turned():
-    outline = outline_at(TOWED, np.array([1.0, 2.0, np.pi / 2]))
+    outline = transform(np.array([1.0, 2.0, np.pi / 2]), TOWED.outline_m)
     np.testing.assert_array_equal(outline[0], outline[-1])
     # The corner (-0.25, -0.175) a quarter turn on: (0.175, -0.25).
     np.testing.assert_allclose(outline[0], [1.175, 1.75], atol=1e-12)

@@ -14,9 +14,9 @@ from towval.io import ros
 from towval.io.atomic import write_bytes
 from towval.io.mcap_file import Message, write_mcap
 from towval.io.records import camera_place
-from towval.model import Array, Body, Calibration, Camera, Comparison
+from towval.model import Array, Calibration, Camera, Comparison
 from towval.model.conventions import CAMERA_FRAME, FLOOR_FRAME
-from towval.model.geometry import arc_lengths, transform
+from towval.model.geometry import arc_lengths, lifted, transform
 from towval.model.run_record import RunRecord, Still, measured_poses
 
 LAYOUTS = ("lichtblick.json", "rerun.rbl")
@@ -64,12 +64,6 @@ def _scaled(camera: Camera, size_px: tuple[int, int]) -> Camera:
     return Camera(size_px, matrix, camera.distortion, camera.lens_model)
 
 
-def _outline(body: Body) -> Array:
-    """Points (m, 3) [m] along the outline of a body's top, in the body's own frame."""
-    corners = np.vstack([body.top_corners_m, body.top_corners_m[:1]])
-    return _points_along(np.column_stack([corners, np.full(len(corners), body.tracked_plane_height_m)]))
-
-
 def _points_along(line: Array) -> Array:
     """Points (m, 3) at equal small steps along a line through corners (n, 3) [m]."""
     length = arc_lengths(line)
@@ -88,7 +82,7 @@ def _motions(run: RunRecord) -> Iterator[Message]:
         "object_simulated": ("/object/pose_simulated", run.towed, run.simulated.time_s, run.simulated.pose),
     }
     for frame, (topic, body, times, poses) in motions.items():
-        outline = _outline(body)
+        outline = _points_along(lifted(body.outline_m, body.tracked_plane_height_m))
         for time_s, pose in zip(times, poses, strict=True):
             if np.isfinite(pose).all():
                 ns = ros.nanoseconds(time_s)

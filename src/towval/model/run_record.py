@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 from towval.model import Array, Body, Comparison, DecimatedTrack, RunUncertainty, SimulatedMotion, Track
 from towval.model.checks import lock
 from towval.model.errors import InputError
-from towval.model.geometry import transform
 
 
 @dataclass(frozen=True)
@@ -83,9 +82,3 @@ def pose_at(time_s: Array, pose: Array, wanted_s: ArrayLike) -> Array:
     nearest, wanted_s = nearest_samples(time_s, wanted_s), np.asarray(wanted_s, dtype=np.float64)
     interval = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
     return np.where(np.abs(time_s[nearest] - wanted_s)[..., None] <= interval, pose[nearest], np.nan)
-
-
-def outline_at(body: Body, pose: Array) -> Array:
-    """The closed outline (n + 1, 2) [m] of a body's top at a pose (3,)."""
-    corners = transform(pose, body.top_corners_m)
-    return np.concatenate([corners, corners[:1]])

@@ -46,6 +46,11 @@ class Body:
         """Distance of the farthest corner of the top from the origin of the body frame [m]."""
         return float(np.linalg.norm(self.top_corners_m, axis=1).max())
 
+    @property
+    def outline_m(self) -> Array:
+        """The outline of the top (n + 1, 2) in the body frame, closed [m]."""
+        return np.concatenate([self.top_corners_m, self.top_corners_m[:1]])
+
 
 @dataclass(frozen=True)
 class Tag:

@@ -111,8 +111,7 @@ def film_layers(run: RunRecord, calibration: Calibration, time_s: Array) -> Film
 
 def _outline(body: Body, poses: Array) -> Array:
     """Closed outlines (m, n + 1, 3) [m] of a body's top at poses (m, 3)."""
-    closed = np.vstack([body.top_corners_m, body.top_corners_m[:1]])
-    return lifted(transform(poses[:, None], closed), body.tracked_plane_height_m)
+    return lifted(transform(poses[:, None], body.outline_m), body.tracked_plane_height_m)
 
 
 def _bent(view: _View, lines: Array) -> Array:

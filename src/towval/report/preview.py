@@ -41,9 +41,9 @@ def draw_start(
     for end, colour in zip(np.eye(2) * GRID_M, _AXES, strict=True):
         draw(lifted(np.array([[0.0, 0.0], end]), 0.0), colour, 2 * line)
     for name, (body, pose) in bodies.items():
-        height, corners = body.tracked_plane_height_m, body.top_corners_m
-        draw(lifted(transform(pose, np.vstack([corners, corners[:1]])), height), _BODIES[name], line)
-        length = 0.5 * float(np.abs(corners).max())
+        height, outline = body.tracked_plane_height_m, body.outline_m
+        draw(lifted(transform(pose, outline), height), _BODIES[name], line)
+        length = 0.5 * float(np.abs(outline).max())
         for end, colour in zip(np.eye(2) * length, _AXES, strict=True):
             draw(lifted(transform(pose, np.array([[0.0, 0.0], end])), height), colour, line)
     if len(bodies) == len(_BODIES):

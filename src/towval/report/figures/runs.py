@@ -13,7 +13,7 @@ from matplotlib.ticker import MultipleLocator
 from towval.model import Array, Comparison
 from towval.model.errors import InputError
 from towval.model.geometry import arc_lengths, transform
-from towval.model.run_record import RunRecord, measured_poses, outline_at, pose_at
+from towval.model.run_record import RunRecord, measured_poses, pose_at
 from towval.report.style import (
     COLUMN_WIDTH_IN,
     MEASURED,
@@ -110,13 +110,13 @@ def _draw_bodies(axes: Axes, run: RunRecord, times_s: Array) -> list[Array]:
         towing = pose_at(run.rover_track.time_s, rover, time_s)
         tether = np.array([transform(towed, run.anchor), transform(towing, run.hinge)])
         axes.plot(*tether.T, color=MUTED, linewidth=0.45, zorder=2)
-        outline, visible_outline = outline_at(run.towed, towed), outline_at(run.towed, seen)
+        outline, visible_outline = transform(towed, run.towed.outline_m), transform(seen, run.towed.outline_m)
         axes.fill(*outline.T, facecolor="black", alpha=0.05, zorder=1)
         axes.plot(*outline.T, color=SIMULATED, linewidth=0.6, alpha=0.75, zorder=3)
         axes.plot(*visible_outline.T, color=MEASURED, linewidth=0.6, alpha=0.9, linestyle=(0, (3, 2)), zorder=3)
         drawn += [outline, visible_outline]
     for index in _ends(rover):
-        outline = outline_at(run.rover, rover[index])
+        outline = transform(rover[index], run.rover.outline_m)
         axes.fill(*outline.T, facecolor=ROVER, alpha=0.10, zorder=1)
         axes.plot(*outline.T, color=ROVER, linewidth=0.5, alpha=0.6, zorder=2)
         drawn.append(outline)
