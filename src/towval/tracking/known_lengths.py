@@ -89,7 +89,7 @@ def scale_findings(calibration: Calibration, observed: Sequence[OutlineSizes]) -
     std = float(np.sqrt(against**2 @ variances + by_camera @ calibration.covariance @ by_camera))
     if abs(apart) < max(CONSTANTS.doubtful * std, CONSTANTS.wrong):
         return ()
-    height_m = abs(apart) * _distance_m(seen[worst])
+    height_m = abs(apart) * _distance_m(seen[worst].target, seen[worst].pose)
     name, percent = seen[worst].target.body.name, {"percent": 100 * apart, "std_percent": 100 * std}
     # Sound runs are as far apart as this 1 in 80 times, too often to leave them without a verdict for it.
     code = "tops_scale" if abs(apart) > START.scales_apart * std else "tops_differ"
@@ -111,10 +111,9 @@ def lift_findings(target: PlanarTarget, time_s: Array, pose: Array, size_m: Arra
     if alike[worst] <= CONSTANTS.wrong:
         return ()
     middle, size = worst + _LOOKS // 2, float(along[worst] + across[worst]) / 2
-    T, body = target.floor.T_camera_floor, target.body
-    distance_m = float((T @ [*pose[middle, :2], body.tracked_plane_height_m, 1.0])[2])
+    by_mm = 1e3 * abs(size) * _distance_m(target, pose[middle])
     at_s = float(time_s[worst : worst + _LOOKS].mean())
-    return (finding("top_lifted", name=body.name, percent=100 * size, time_s=at_s, by_mm=1e3 * abs(size) * distance_m),)
+    return (finding("top_lifted", name=target.body.name, percent=100 * size, time_s=at_s, by_mm=by_mm),)
 
 
 def _variance(observed: OutlineSizes) -> float:
@@ -122,7 +121,7 @@ def _variance(observed: OutlineSizes) -> float:
 
     The scatter grows where something else than the edge is found in some of the pictures.
     """
-    body, distance = observed.target.body, _distance_m(observed)
+    body, distance = observed.target.body, _distance_m(observed.target, observed.pose)
     diagonal = float(np.linalg.norm(np.ptp(body.top_corners_m, axis=0)))
     edge_m = CONSTANTS.edge_std_px * observed.target.metres_per_pixel(observed.pose)
     spread = float(np.std(observed.sizes))
@@ -130,10 +129,10 @@ def _variance(observed: OutlineSizes) -> float:
     return float(np.sum(np.square(parts)))
 
 
-def _distance_m(observed: OutlineSizes) -> float:
+def _distance_m(target: PlanarTarget, pose: Array) -> float:
     """Distance of a top from the camera along its axis [m]: a top that is so much higher by 1 % is 1 % larger."""
-    place = [*observed.pose[:2], observed.target.body.tracked_plane_height_m, 1.0]
-    return float((observed.target.floor.T_camera_floor @ place)[2])
+    place = [*pose[:2], target.body.tracked_plane_height_m, 1.0]
+    return float((target.floor.T_camera_floor @ place)[2])
 
 
 def _size_sensitivity(calibration: Calibration, observed: OutlineSizes) -> Array:
