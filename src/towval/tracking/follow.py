@@ -404,9 +404,8 @@ class Follower:
             self.findings.append(finding("edges_not_found", name=name, std_mm=std_mm))
             return None
         fit = replace(fit, covariance=fit.covariance + strayed)
-        std_m = float(np.sqrt(np.linalg.eigvalsh(fit.covariance[:2, :2])[-1]))
-        if std_m > CONSTANTS.unsure_edges_px * self.pixel_m:
-            self.findings.append(finding("edges_unsure", name=name, std_mm=1000 * std_m))
+        if fit.largest_std_m > CONSTANTS.unsure_edges_px * self.pixel_m:
+            self.findings.append(finding("edges_unsure", name=name, std_mm=1000 * fit.largest_std_m))
         return fit
 
     def _judge_observations(self, time_s: Array, covariance: Array, status: NDArray[np.uint8]) -> list[Finding]:

@@ -101,6 +101,11 @@ class OutlineFit:
     covariance: Array
     size: Array = field(default_factory=lambda: np.zeros(2))
 
+    @property
+    def largest_std_m(self) -> float:
+        """Deviation of the place in the direction in which it is largest [m]."""
+        return float(np.sqrt(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]))
+
 
 def pose_from_clicks(target: PlanarTarget, clicks_px: ArrayLike) -> tuple[Array, Array, float]:
     """Pose from clicks (n, 2) [px] on the corners of a target, in the order of ``top_corners_m``.
@@ -314,14 +319,9 @@ def _end(target: PlanarTarget, views: Sequence[View], pose: Array, *, wide: bool
             return end
         together = combine_fits(seen)
         pose = compose(pose, together.correction)
-        usual_m = float(np.exp(np.mean(np.log([_largest_std_m(fit) for fit in seen]))))
-        end = _End(pose, _largest_std_m(together), usual_m, len(seen))
+        usual_m = float(np.exp(np.mean(np.log([fit.largest_std_m for fit in seen]))))
+        end = _End(pose, together.largest_std_m, usual_m, len(seen))
     return end
-
-
-def _largest_std_m(fit: OutlineFit) -> float:
-    """Deviation of a place in the direction in which it is largest [m]."""
-    return float(np.sqrt(np.linalg.eigvalsh(fit.covariance[:2, :2])[-1]))
 
 
 def combine_fits(fits: Sequence[OutlineFit], further: Array | None = None) -> OutlineFit:

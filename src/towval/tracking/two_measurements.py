@@ -121,7 +121,7 @@ class EdgeWatch:
         surest, least = None, np.inf
         for wide, place in itertools.product((False, True), places):
             fit = observe_outline(luma, self.target, place, wide=wide)
-            std_m = np.inf if fit is None else float(np.sqrt(np.linalg.eigvalsh(fit.covariance[:2, :2])[-1]))
+            std_m = np.inf if fit is None else fit.largest_std_m
             if fit is not None and std_m < least:
                 surest = replace(fit, correction=step_between(pose, compose(place, fit.correction)))
                 least = std_m
