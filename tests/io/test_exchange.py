@@ -227,7 +227,7 @@ def test_messages_that_come_in_order_are_stored_among_the_others_and_not_held(tm
     def film():
         for i in range(60):
             picture = np.random.default_rng(i).integers(0, 256, 500_000, dtype=np.uint8)
-            yield Message("/film", 10 * i, ros.compressed_image(1e-8 * i, "camera", "h264", picture))
+            yield Message("/film", 10 * i, ros.compressed_image(1e-8 * i, "h264", picture))
 
     others = [Message("/other", 10 * i + 5, ros.number(i)) for i in range(59, -1, -1)]
     tracemalloc.start()

@@ -25,7 +25,7 @@ def test_rover_poses_of_somebody_elses_recording_are_read_too(tmp_path):
     file = tmp_path / "other.mcap"
     poses = np.array([[0.0, 0.0, 3.0], [0.1, 0.0, 3.2]])
     messages = [
-        Message(topic, k * 10**9, stamped_pose(float(k), "floor", pose))
+        Message(topic, k * 10**9, stamped_pose(float(k), pose))
         for topic in ("/rover/pose", "/object/pose")
         for k, pose in enumerate(poses)
     ]
@@ -51,7 +51,7 @@ def bag(file, *topics):
         for topic in ("/wheels", "/raw"):
             writer.add_message(channel_id=channels[topic], log_time=1, publish_time=1, data=b"12345678")
         for k in (1, 0, 2):
-            data = typestore().serialize_cdr(stamped_pose(0.5 * k, "floor", np.array([0.1 * k, 0.0, 0.0])), kind)
+            data = typestore().serialize_cdr(stamped_pose(0.5 * k, np.array([0.1 * k, 0.0, 0.0])), kind)
             log_time = 7 * 10**9 + 10**6 * k
             for topic in topics:
                 writer.add_message(
@@ -80,11 +80,9 @@ def test_poses_of_another_type_are_named(tmp_path):
 
 def recording(file, rover_s, object_s):
     """Rover at (t, 2 t, 0), object at (t − 1, 3, 0) at some times t."""
-    messages = [
-        Message("/rover/pose", round(1e9 * t), stamped_pose(t, "floor", np.array([t, 2 * t, 0.0]))) for t in rover_s
-    ]
+    messages = [Message("/rover/pose", round(1e9 * t), stamped_pose(t, np.array([t, 2 * t, 0.0]))) for t in rover_s]
     messages += [
-        Message("/object/pose", round(1e9 * t), stamped_pose(t, "floor", np.array([t - 1, 3.0, 0.0]))) for t in object_s
+        Message("/object/pose", round(1e9 * t), stamped_pose(t, np.array([t - 1, 3.0, 0.0]))) for t in object_s
     ]
     write_mcap(file, messages, {}, {})
     return file
@@ -114,7 +112,7 @@ def beginning(file, apart_m):
     """A rover that drives off at 0.1 m/s, its hinge at first so far ahead of the anchor of an object at rest."""
     poses = {"/rover/pose": [[0.2 + apart_m + 0.1 * t, 0.0, 0.0] for t in range(5)], "/object/pose": [[0.0, 0.0, 0.0]]}
     messages = [
-        Message(topic, t * 10**9, stamped_pose(float(t), "floor", np.array(pose)))
+        Message(topic, t * 10**9, stamped_pose(float(t), np.array(pose)))
         for topic, rows in poses.items()
         for t, pose in enumerate(rows)
     ]
@@ -170,11 +168,11 @@ def test_a_gap_in_which_the_rover_changes_its_speed_is_stated(tmp_path):
     for name, missing in (("whole", ()), ("gap", range(12, 32))):
         hinge_m = 0.8 + np.r_[np.zeros(20), 0.01 * np.arange(30)]  # at rest, then 0.1 m/s from 2 s on
         messages = [
-            Message("/rover/pose", k * 10**8, stamped_pose(0.1 * k, "floor", np.array([x, 0.0, 0.0])))
+            Message("/rover/pose", k * 10**8, stamped_pose(0.1 * k, np.array([x, 0.0, 0.0])))
             for k, x in enumerate(hinge_m)
             if k not in missing
         ]
-        messages.append(Message("/object/pose", 0, stamped_pose(0.0, "floor", np.zeros(3))))
+        messages.append(Message("/object/pose", 0, stamped_pose(0.0, np.zeros(3))))
         write_mcap(tmp_path / f"{name}.mcap", messages, {}, {})
         found[name] = run_tow(quick_plan(), tmp_path / f"{name}.mcap", tmp_path / f"towed_{name}.mcap").findings
     assert not found["whole"]

@@ -15,7 +15,7 @@ from towval.io.atomic import write_bytes
 from towval.io.mcap_file import Message, write_mcap
 from towval.io.records import camera_place
 from towval.model import Array, Calibration, Camera, Comparison
-from towval.model.conventions import CAMERA_FRAME, FLOOR_FRAME
+from towval.model.conventions import FLOOR_FRAME
 from towval.model.geometry import arc_lengths, lifted, transform
 from towval.model.run_record import RunRecord, Still, measured_poses
 
@@ -50,9 +50,9 @@ def _pictures(pictures: Iterable[Still], camera: Camera) -> Iterator[Message]:
     for still in pictures:
         ns = ros.nanoseconds(still.time_s)
         data = np.frombuffer(still.data, np.uint8)
-        yield Message("/camera/image", ns, ros.compressed_image(still.time_s, CAMERA_FRAME, still.coding, data))
+        yield Message("/camera/image", ns, ros.compressed_image(still.time_s, still.coding, data))
         scaled = _scaled(camera, still.size_px)
-        yield Message("/camera/camera_info", ns, ros.camera_info(still.time_s, CAMERA_FRAME, scaled))
+        yield Message("/camera/camera_info", ns, ros.camera_info(still.time_s, scaled))
 
 
 def _scaled(camera: Camera, size_px: tuple[int, int]) -> Camera:
@@ -86,8 +86,8 @@ def _motions(run: RunRecord) -> Iterator[Message]:
         for time_s, pose in zip(times, poses, strict=True):
             if np.isfinite(pose).all():
                 ns = ros.nanoseconds(time_s)
-                yield Message(topic, ns, ros.stamped_pose(time_s, FLOOR_FRAME, pose))
-                yield Message("/tf", ns, ros.transforms(time_s, FLOOR_FRAME, {frame: pose}))
+                yield Message(topic, ns, ros.stamped_pose(time_s, pose))
+                yield Message("/tf", ns, ros.transforms(time_s, {frame: pose}))
                 yield Message(f"/{frame}/outline", ns, ros.point_cloud(time_s, frame, outline, "xyz"))
 
 

@@ -12,7 +12,7 @@ from towval.io.atomic import check_own, check_plain, replacing
 from towval.io.mcap_file import McapContent, Message, read_mcap, write_mcap
 from towval.io.records.details import planar_poses
 from towval.model import Array, SimulatedMotion, TimedPath
-from towval.model.conventions import FLOOR_FRAME, NANOSECONDS_PER_SECOND
+from towval.model.conventions import NANOSECONDS_PER_SECOND
 from towval.model.errors import InputError
 from towval.planning.kinematics import WHEEL_NAMES
 from towval.planning.planner import PlanCase, RoverPlan
@@ -48,17 +48,17 @@ def _rover_messages(plan: RoverPlan) -> Iterator[Message]:
     for k, t in enumerate(plan.time_s):
         ns = ros.nanoseconds(t)
         positions, rates = [*plan.steering[k], *turned[k]], [*still, *plan.wheel_rates[k]]
-        yield Message("/rover/pose", ns, ros.pose_with_covariance(t, FLOOR_FRAME, plan.pose[k], NO_COVARIANCE))
+        yield Message("/rover/pose", ns, ros.pose_with_covariance(t, plan.pose[k], NO_COVARIANCE))
         yield Message("/rover/joint_states", ns, ros.joint_state(t, list(JOINT_NAMES), positions, rates, []))
-        yield Message("/tf", ns, ros.transforms(t, FLOOR_FRAME, {"rover": plan.pose[k]}))
+        yield Message("/tf", ns, ros.transforms(t, {"rover": plan.pose[k]}))
 
 
 def _object_messages(towed: SimulatedMotion) -> Iterator[Message]:
     for k, t in enumerate(towed.time_s):
         ns = ros.nanoseconds(t)
-        yield Message("/object/pose_simulated", ns, ros.stamped_pose(t, FLOOR_FRAME, towed.pose[k]))
-        yield Message("/tether/wrench", ns, ros.wrench(t, FLOOR_FRAME, towed.tether_force[k]))
-        yield Message("/tf", ns, ros.transforms(t, FLOOR_FRAME, {"object_simulated": towed.pose[k]}))
+        yield Message("/object/pose_simulated", ns, ros.stamped_pose(t, towed.pose[k]))
+        yield Message("/tether/wrench", ns, ros.wrench(t, towed.tether_force[k]))
+        yield Message("/tf", ns, ros.transforms(t, {"object_simulated": towed.pose[k]}))
 
 
 _ROVER, _OBJECT = ("/rover/pose",), ("/object/pose", "/object/pose_simulated")

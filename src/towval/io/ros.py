@@ -1,4 +1,7 @@
-"""ROS 2 messages of the types that the package exchanges: how a pose, a wrench or a camera looks on a topic."""
+"""ROS 2 messages of the types that the package exchanges: how a pose, a wrench or a camera looks on a topic.
+
+Poses, twists and forces are in the frame of the floor, pictures in that of the camera; others name theirs.
+"""
 
 from collections.abc import Sequence
 from functools import cache
@@ -10,7 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from towval.model import Array, Camera
-from towval.model.conventions import NANOSECONDS_PER_SECOND
+from towval.model.conventions import CAMERA_FRAME, FLOOR_FRAME, NANOSECONDS_PER_SECOND
 
 _FLOAT32 = 7
 """Value of sensor_msgs/PointField.FLOAT32."""
@@ -82,13 +85,13 @@ _PLANAR = np.ix_((0, 1, 5), (0, 1, 5))
 """Where x, y and the turn about z stand in ROS's 6 × 6 covariance."""
 
 
-def pose_with_covariance(time_s: float, frame: str, pose: Array, covariance: Array) -> Any:
+def pose_with_covariance(time_s: float, pose: Array, covariance: Array) -> Any:
     """A stamped pose with the covariance (3, 3) of (x, y, heading)."""
     full = np.zeros((6, 6))
     full[_PLANAR] = covariance
     return make(
         "geometry_msgs/msg/PoseWithCovarianceStamped",
-        header=header(time_s, frame),
+        header=header(time_s, FLOOR_FRAME),
         pose=make("geometry_msgs/msg/PoseWithCovariance", pose=planar_pose(pose), covariance=full.ravel()),
     )
 
@@ -98,43 +101,43 @@ def planar_covariance(message: Any) -> Array:
     return np.asarray(message.pose.covariance, dtype=np.float64).reshape(6, 6)[_PLANAR]
 
 
-def stamped_pose(time_s: float, frame: str, pose: Array) -> Any:
+def stamped_pose(time_s: float, pose: Array) -> Any:
     """A stamped pose."""
-    return make("geometry_msgs/msg/PoseStamped", header=header(time_s, frame), pose=planar_pose(pose))
+    return make("geometry_msgs/msg/PoseStamped", header=header(time_s, FLOOR_FRAME), pose=planar_pose(pose))
 
 
-def stamped_twist(time_s: float, frame: str, twist: Array) -> Any:
+def stamped_twist(time_s: float, twist: Array) -> Any:
     """A stamped planar twist from (vx, vy, heading rate)."""
     value = make("geometry_msgs/msg/Twist", linear=vector(twist[0], twist[1]), angular=vector(0, 0, twist[2]))
-    return make("geometry_msgs/msg/TwistStamped", header=header(time_s, frame), twist=value)
+    return make("geometry_msgs/msg/TwistStamped", header=header(time_s, FLOOR_FRAME), twist=value)
 
 
-def transforms(time_s: float, frame: str, poses: dict[str, Array]) -> Any:
+def transforms(time_s: float, poses: dict[str, Array]) -> Any:
     """A tf message with the pose of each child frame on the floor."""
     children = [
-        _transform(time_s, frame, child, vector(pose[0], pose[1]), heading_quaternion(pose[2]))
+        _transform(time_s, child, vector(pose[0], pose[1]), heading_quaternion(pose[2]))
         for child, pose in poses.items()
     ]
     return make("tf2_msgs/msg/TFMessage", transforms=children)
 
 
-def rigid_transform(time_s: float, frame: str, child: str, shift: Array, quaternion_xyzw: Sequence[float]) -> Any:
-    """A tf message with one transform in space."""
+def camera_transform(time_s: float, shift: Array, quaternion_xyzw: Sequence[float]) -> Any:
+    """A tf message with the pose of the camera above the floor."""
     x, y, z, w = map(float, quaternion_xyzw)
     rotation = make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
-    return make("tf2_msgs/msg/TFMessage", transforms=[_transform(time_s, frame, child, vector(*shift), rotation)])
+    return make("tf2_msgs/msg/TFMessage", transforms=[_transform(time_s, CAMERA_FRAME, vector(*shift), rotation)])
 
 
-def _transform(time_s: float, frame: str, child: str, translation: Any, rotation: Any) -> Any:
+def _transform(time_s: float, child: str, translation: Any, rotation: Any) -> Any:
     return make(
         "geometry_msgs/msg/TransformStamped",
-        header=header(time_s, frame),
+        header=header(time_s, FLOOR_FRAME),
         child_frame_id=child,
         transform=make("geometry_msgs/msg/Transform", translation=translation, rotation=rotation),
     )
 
 
-def camera_info(time_s: float, frame: str, camera: Camera) -> Any:
+def camera_info(time_s: float, camera: Camera) -> Any:
     """The intrinsics of a camera; ``rational_polynomial`` where the lens needs it, else ``plumb_bob``."""
     rational = bool(camera.distortion[5:].any())
     k = camera.matrix
@@ -144,7 +147,7 @@ def camera_info(time_s: float, frame: str, camera: Camera) -> Any:
     region = make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
     return make(
         "sensor_msgs/msg/CameraInfo",
-        header=header(time_s, frame),
+        header=header(time_s, CAMERA_FRAME),
         height=height,
         width=width,
         distortion_model="rational_polynomial" if rational else "plumb_bob",
@@ -202,10 +205,10 @@ def numbers_of(message: Any) -> Array:
     return np.asarray(message.data, dtype=np.float64).reshape(-1, message.layout.dim[1].size)
 
 
-def wrench(time_s: float, frame: str, force: Array) -> Any:
+def wrench(time_s: float, force: Array) -> Any:
     """A stamped planar force."""
     value = make("geometry_msgs/msg/Wrench", force=vector(force[0], force[1]), torque=vector(0, 0))
-    return make("geometry_msgs/msg/WrenchStamped", header=header(time_s, frame), wrench=value)
+    return make("geometry_msgs/msg/WrenchStamped", header=header(time_s, FLOOR_FRAME), wrench=value)
 
 
 def stamped_vector(time_s: float, frame: str, xyz: Array) -> Any:
@@ -243,6 +246,6 @@ def diagnostics(time_s: float, entries: Sequence[tuple[int, str, str, dict[str, 
     return make("diagnostic_msgs/msg/DiagnosticArray", header=header(time_s, ""), status=status)
 
 
-def compressed_image(time_s: float, frame: str, coding: str, data: NDArray[np.uint8]) -> Any:
+def compressed_image(time_s: float, coding: str, data: NDArray[np.uint8]) -> Any:
     """A stamped picture from the bytes (n,) of its coding: ``jpeg``, or ``h264`` and ``h265`` of a film."""
-    return make("sensor_msgs/msg/CompressedImage", header=header(time_s, frame), format=coding, data=data)
+    return make("sensor_msgs/msg/CompressedImage", header=header(time_s, CAMERA_FRAME), format=coding, data=data)

@@ -16,13 +16,12 @@ from towval.io.records.details import (
     view_out,
 )
 from towval.model import Calibration, Floor, View
-from towval.model.conventions import CAMERA_FRAME, FLOOR_FRAME
 
 
 def write_calibration(path: Path, calibration: Calibration, provenance: dict[str, str]) -> None:
     """Write ``camera.mcap``: ``/camera/camera_info`` and ``/tf_static``, both at time zero."""
     messages = [
-        Message("/camera/camera_info", 0, ros.camera_info(0.0, CAMERA_FRAME, calibration.camera)),
+        Message("/camera/camera_info", 0, ros.camera_info(0.0, calibration.camera)),
         camera_place(calibration.floor, 0.0),
     ]
     details = {
@@ -63,5 +62,5 @@ def camera_place(floor: Floor, time_s: float) -> Message:
     from scipy.spatial.transform import Rotation  # noqa: PLC0415
 
     quaternion = Rotation.from_matrix(floor.T_camera_floor[:3, :3].T).as_quat()
-    static = ros.rigid_transform(time_s, FLOOR_FRAME, CAMERA_FRAME, floor.camera_position_m, quaternion)
+    static = ros.camera_transform(time_s, floor.camera_position_m, quaternion)
     return Message("/tf_static", ros.nanoseconds(time_s), static)

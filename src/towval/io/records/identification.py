@@ -9,13 +9,12 @@ from towval.io import ros
 from towval.io.mcap_file import Message, read_mcap, write_mcap
 from towval.io.records.details import details_with, findings_in, planar_poses, result_reader, rows_of
 from towval.model import Identification, Prediction
-from towval.model.conventions import FLOOR_FRAME
 
 
 def write_identification(path: Path, identified: Identification, provenance: dict[str, str]) -> None:
     """Write ``identify.mcap``: on ``/<run>/object/pose_predicted`` each run as the others predict it."""
     messages = [
-        Message(f"/{p.run}/object/pose_predicted", ros.nanoseconds(t), ros.stamped_pose(t, FLOOR_FRAME, pose))
+        Message(f"/{p.run}/object/pose_predicted", ros.nanoseconds(t), ros.stamped_pose(t, pose))
         for p in identified.predictions
         for t, pose in zip(p.time_s, p.pose, strict=True)
     ]

@@ -36,11 +36,11 @@ def write_simulated(path: Path, simulated: SimulatedMotion, provenance: dict[str
         ns, pose, force = ros.nanoseconds(t), simulated.pose[i], simulated.tether_force[i]
         state = ros.joint_state(t, ["tether"], [simulated.tether_length[i]], [], [np.hypot(*force)])
         messages += [
-            Message("/object/pose_simulated", ns, ros.stamped_pose(t, FLOOR_FRAME, pose)),
-            Message("/object/twist_simulated", ns, ros.stamped_twist(t, FLOOR_FRAME, simulated.twist[i])),
-            Message("/tether/wrench", ns, ros.wrench(t, FLOOR_FRAME, force)),
+            Message("/object/pose_simulated", ns, ros.stamped_pose(t, pose)),
+            Message("/object/twist_simulated", ns, ros.stamped_twist(t, simulated.twist[i])),
+            Message("/tether/wrench", ns, ros.wrench(t, force)),
             Message("/tether/state", ns, state),
-            Message("/tf", ns, ros.transforms(t, FLOOR_FRAME, {"object_simulated": pose})),
+            Message("/tf", ns, ros.transforms(t, {"object_simulated": pose})),
         ]
     details = {
         "outcome": str(simulated.outcome),
@@ -92,7 +92,7 @@ def write_uncertainty(
     for i, t in enumerate(uncertainty.time_s):
         for name in _UNCERTAINTY_ARRAYS:
             covariance = getattr(uncertainty, name)[i]
-            value = ros.pose_with_covariance(t, FLOOR_FRAME, simulated.pose[i], covariance)
+            value = ros.pose_with_covariance(t, simulated.pose[i], covariance)
             messages.append(Message(f"/object/{name}_uncertainty", ros.nanoseconds(t), value))
     skipped = ("time_s", "findings", "upstream", "draws", "faults", "explanation", *_UNCERTAINTY_ARRAYS)
     names = [field.name for field in dataclasses.fields(uncertainty) if field.name not in skipped]
@@ -162,7 +162,7 @@ def write_comparison(
     messages = error_messages(comparison)
     messages += track_messages("object", dataclasses.replace(measured, features=None))
     for t, pose in zip(simulated.time_s, simulated.pose, strict=True):
-        value = ros.stamped_pose(t, FLOOR_FRAME, pose)
+        value = ros.stamped_pose(t, pose)
         messages.append(Message("/object/pose_simulated", ros.nanoseconds(t), value))
     details = {name: json_value(getattr(comparison, name)) for name in _COMPARISON_SCALARS}
     details |= statement_out(comparison)

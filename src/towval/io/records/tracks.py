@@ -81,7 +81,7 @@ def track_messages(name: str, track: Track) -> Iterator[Message]:
         t = track.time_s[i]
         total = track.covariance if track.total_covariance is None else track.total_covariance
         for topic, covariance in (("pose", total[i]), ("pose_frame", track.covariance[i])):
-            value = ros.pose_with_covariance(t, FLOOR_FRAME, track.pose[i], covariance)
+            value = ros.pose_with_covariance(t, track.pose[i], covariance)
             yield Message(f"/{name}/{topic}", ros.nanoseconds(t), value)
     if track.features is not None and len(track.features.frame):
         order = np.argsort(track.features.frame, kind="stable")
@@ -106,7 +106,7 @@ def _frame_messages(tracks: dict[str, Track]) -> Iterator[Message]:
     for i, t in enumerate(time_s):
         poses = {name: track.pose[i] for name, track in tracks.items() if track.status[i] != TrackStatus.LOST}
         if poses:
-            yield Message("/tf", ros.nanoseconds(t), ros.transforms(t, FLOOR_FRAME, poses))
+            yield Message("/tf", ros.nanoseconds(t), ros.transforms(t, poses))
         entries = [
             (
                 _LEVELS[TrackStatus(track.status[i])],
@@ -207,9 +207,9 @@ def write_decimated(path: Path, decimated: dict[str, DecimatedTrack], provenance
     for name, track in decimated.items():
         for t, pose, rate, covariance in zip(track.time_s, track.pose, track.rate, track.covariance, strict=True):
             ns = ros.nanoseconds(t)
-            messages.append(Message(f"/{name}/pose", ns, ros.pose_with_covariance(t, FLOOR_FRAME, pose, covariance)))
-            messages.append(Message(f"/{name}/twist", ns, ros.stamped_twist(t, FLOOR_FRAME, rate)))
-            messages.append(Message("/tf", ns, ros.transforms(t, FLOOR_FRAME, {name: pose})))
+            messages.append(Message(f"/{name}/pose", ns, ros.pose_with_covariance(t, pose, covariance)))
+            messages.append(Message(f"/{name}/twist", ns, ros.stamped_twist(t, rate)))
+            messages.append(Message("/tf", ns, ros.transforms(t, {name: pose})))
         details[name] = {
             "heading_rad": track.pose[:, 2].tolist(),
             "noise": track.noise.tolist(),
