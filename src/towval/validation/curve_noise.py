@@ -6,7 +6,6 @@ frames: that the body moved by one more bend in each piece than a cubic has, the
 draws are those of a fit with a bump in each piece, which is as uncertain as the frames leave it, too.
 """
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cholesky_banded, solve_banded
 
 from towval.model import Array, DecimatedTrack, Track
-from towval.validation.decimate import frame_sigma, hermite_shares
+from towval.validation.decimate import frame_sigma, hermite_shares, normal_band
 
 _INNER_FRAMES = 2
 """Frames in the inner half of a piece from which on they say how large a bump is: one alone is as well a bend of the
@@ -49,11 +48,7 @@ class CurveNoise:
         kept, free = np.searchsorted(time, thin.time_s - 1e-9), own[:, 1]
         factors = []
         for c in range(3):
-            band, weighted = np.zeros((_WIDTH, index.max() + 1)), shares / sigma[:, c : c + 1]
-            for one, other in itertools.product(range(_WIDTH), repeat=2):
-                below = concerned[:, one] - concerned[:, other]
-                lower = below >= 0
-                np.add.at(band, (below[lower], concerned[lower, other]), (weighted[:, one] * weighted[:, other])[lower])
+            band = normal_band(concerned, shares / sigma[:, c : c + 1], index.max() + 1)
             # Where a piece has no more frames than unknowns, its rates are those of the slope over three frames.
             band[0, index[free, 1]] += 2 * (np.median(np.diff(time)) / sigma[kept[free], c]) ** 2
             factors.append(cholesky_banded(band, lower=True))

@@ -289,11 +289,7 @@ def _fit(time: Array, pose: Array, sigma: Array, kept: list[int], pauses: list[t
     weak = 2 * _WEAK * (np.median(np.diff(time)) / sigma[kept][free]) ** 2
     for c in range(3):
         weighted = shares / sigma[:, c : c + 1]
-        band, right = np.zeros((4, concerned.max() + 1)), np.zeros(concerned.max() + 1)
-        for one, other in itertools.product(range(4), repeat=2):
-            below = concerned[:, one] - concerned[:, other]
-            lower = below >= 0
-            np.add.at(band, (below[lower], concerned[lower, other]), (weighted[:, one] * weighted[:, other])[lower])
+        band, right = normal_band(concerned, weighted, concerned.max() + 1), np.zeros(concerned.max() + 1)
         np.add.at(right, concerned, weighted * (pose[:, c] / sigma[:, c])[:, None])
         # Stretches with fewer poses than unknowns leave rates undetermined, which swing from one to the next; a weak
         # pull to what three frames say fixes them.
@@ -303,6 +299,20 @@ def _fit(time: Array, pose: Array, sigma: Array, kept: list[int], pauses: list[t
         nodes[:, :, c] = cho_solve_banded((factor, True), right)[unknowns] * has
         factors.append(factor)
     return _Fit(knots, nodes, unknowns[:, 0], np.array(factors))
+
+
+def normal_band(concerned: NDArray[np.intp], weights: Array, count: int) -> Array:
+    """Lower band (k, count) of the normal equations of rows that depend on k successive unknowns.
+
+    ``concerned`` (n, k): the unknowns of each row; ``weights`` (n, k) on them; ``count`` of all unknowns.
+    """
+    width = weights.shape[1]
+    band = np.zeros((width, count))
+    for one, other in itertools.product(range(width), repeat=2):
+        below = concerned[:, one] - concerned[:, other]
+        lower = below >= 0
+        np.add.at(band, (below[lower], concerned[lower, other]), (weights[:, one] * weights[:, other])[lower])
+    return band
 
 
 def _diagonal_of_inverse(factor: Array) -> Array:
