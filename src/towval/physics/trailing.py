@@ -13,13 +13,12 @@ ASSUME: the twist's direction is that at the hinge's own speed along the tether.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import Array, Finding, FrictionLaw, SimulatedMotion, Tether, TimedPath, TowedObject, locked
+from towval.model import Array, FrictionLaw, SimulatedMotion, Tether, TimedPath, TowedObject, locked
 from towval.model.checks import instance_of
 from towval.model.compiling import compiled
 from towval.model.errors import InputError
@@ -143,10 +142,10 @@ def _mean_speed(drive: Spline) -> float:
 def _motion(rung: str, times: Array, out: Array, centre: Array, moved: bool, unbalanced: int) -> SimulatedMotion:
     offset = rotation(out[:, 2]) @ -centre
     outcome = Outcome.CONVERGED if moved else Outcome.SLACK_ALL_ALONG
-    findings: tuple[Finding, ...] = ()
-    if unbalanced:
-        findings = (finding("not_balanced", count=unbalanced, rung=rung),)
-    motion = SimulatedMotion(
+    findings = [finding("not_balanced", count=unbalanced, rung=rung)] if unbalanced else []
+    if not moved:
+        findings.append(finding("slack_all_along", outcome=outcome, time_s=times[-1], advice=ADVICE[outcome]))
+    return SimulatedMotion(
         time_s=times,
         pose=np.column_stack([out[:, :2] + offset, out[:, 2]]),
         twist=np.column_stack([velocity_at(out[:, 3:6], offset), out[:, 5]]),
@@ -155,12 +154,8 @@ def _motion(rung: str, times: Array, out: Array, centre: Array, moved: bool, unb
         outcome=str(outcome),
         advice=ADVICE[outcome],
         rung=rung,
-        findings=findings,
+        findings=tuple(findings),
     )
-    if moved:
-        return motion
-    slack = finding("slack_all_along", outcome=outcome, time_s=times[-1], advice=ADVICE[outcome])
-    return replace(motion, findings=(*findings, slack))
 
 
 @compiled()
