@@ -271,7 +271,7 @@ _LIBRARY_FOLDERS = {"site-packages", "dist-packages"}
 
 
 def _data_file(folder: Path, text: str) -> list[Path]:
-    if not text or len(text) > 100 or "\n" in text or "/" in text.strip("/.") or not Path(text).suffix:
+    if len(text) > 100 or "/" in text.strip("/.") or not Path(text).suffix:
         return []
     places = (folder / text, folder / "templates" / text, folder / "layouts" / text)
     return [place for place in places if place.is_file() and place.suffix != ".py"]
