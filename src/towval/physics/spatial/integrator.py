@@ -66,8 +66,21 @@ _MOMENT_OF_RELEASE = 1e-9  # margin at which an object breaks away
 
 
 class March(NamedTuple):
-    """Where an integration is: state (6,) and clock (t, next step, its growth, …), counts (5,), arrays."""
+    """An integration: what is towed over which times, where it is, and arrays that it writes to.
 
+    ``forced``: by a force in place of a tether; ``weights`` (6,) are the errors of a step that are accepted; ``states``
+    (n, 6) and ``modes`` (n,) are those at the ``times`` (n,), as many as the clock says. ``y`` (6,) is the state,
+    ``clock`` (9,) the time, the next step, its growth, …; ``counts`` (5,) are steps, rejections, changes between slack
+    and taut, break-aways, checks of whether friction holds.
+    """
+
+    problem: TowProblem
+    work: Work
+    forced: bool
+    times: Array
+    weights: Array
+    states: Array
+    modes: NDArray[np.int64]
     y: Array
     clock: Array
     counts: NDArray[np.int64]
@@ -82,13 +95,19 @@ class March(NamedTuple):
 
 
 # Of the clock; the last two are those of the step before, or zero.
-_T, _H, _GROWTH, _FILLED, _BALANCE, _PIECE, _MARGIN, _LAST_H, _LAST_ERROR = range(9)
+_T, _H, _GROWTH, FILLED, _BALANCE, _PIECE, _MARGIN, _LAST_H, _LAST_ERROR = range(9)
 
 
-@compiled()
-def march_from(start: Array) -> March:
-    """Arrays of an integration that starts from a state."""
+def march_from(problem: TowProblem, work: Work, forced: bool, start: Array, times: Array, weights: Array) -> March:
+    """An integration from a state (6,) at ``times[0]``."""
     return March(
+        problem=problem,
+        work=work,
+        forced=forced,
+        times=times,
+        weights=weights,
+        states=np.empty((len(times), 6)),
+        modes=np.zeros(len(times), dtype=np.int64),
         y=start.copy(),
         clock=np.zeros(9),
         counts=np.zeros(5, dtype=np.int64),
@@ -103,74 +122,65 @@ def march_from(start: Array) -> March:
     )
 
 
-@compiled()
-def integrate(
-    problem: TowProblem,
-    work: Work,
-    forced: bool,
-    start: Array,
-    times: Array,
-    weights: Array,
-    step_limit: int,
-    states: Array,
-    modes: NDArray[np.int64],
-) -> tuple[int, int, NDArray[np.int64]]:
-    """Integrate from ``times[0]`` and fill ``states`` (n, 6) and ``modes`` (n,) at the times.
-
-    Returns the outcome, the number of times filled, and counts: steps, rejections, changes between slack and taut,
-    break-aways, checks of whether friction holds.
-    """
-    march = march_from(start)
-    y, clock, counts = march.y, march.clock, march.counts
+@compiled(allocates=False)
+def integrate(march: March, step_limit: int) -> int:
+    """Integrate and fill states and modes at the times, as far as it goes; returns the outcome."""
+    problem, times, y, clock, counts = march.problem, march.times, march.y, march.clock, march.counts
     span = times[-1] - times[0]
     clock[_T], clock[_H], clock[_GROWTH] = times[0], 1e-6 * span, GROW
-    mode = _natural(problem, forced, clock[_T], int(clock[_PIECE]), y)
-    if y[3] == 0 and y[4] == 0 and y[5] == 0 and _holds(problem, work, forced, march, times[0], 0.0):
+    mode = _natural(march)
+    if y[3] == 0 and y[4] == 0 and y[5] == 0 and _holds(march, 0.0):
         mode = STUCK
-    _report(march, mode, times[0], span, times, states, modes)
+    _report(march, mode, times[0], span)
     fresh = len(times) > 0  # Not the literal True, for which _move would be compiled a second time.
-    while clock[_FILLED] < len(times):
+    while clock[FILLED] < len(times):
         if counts[0] + counts[1] >= step_limit:
-            return STEP_LIMIT, int(clock[_FILLED]), counts
+            return STEP_LIMIT
         if mode == STUCK:
-            if _rest(problem, work, forced, march, times, states, modes):
-                mode, fresh = _natural(problem, forced, clock[_T], int(clock[_PIECE]), y), True
+            if _rest(march):
+                mode, fresh = _natural(march), True
                 clock[_H], clock[_GROWTH], clock[_LAST_H] = 1e-7 * span, GROW, 0.0
             continue
-        code, changed, fresh = _move(problem, work, mode, fresh, march, times, weights, states, modes)
+        code, changed, fresh = _move(march, mode, fresh)
         if code != REACHED_END:
-            return code, int(clock[_FILLED]), counts
+            return code
         if changed:
             mode = SLACK if mode == TAUT else TAUT
         speed = math.sqrt(y[3] * y[3] + y[4] * y[4]) + abs(y[5]) * problem.soles.numbers[RADIUS]
         slow = fresh and speed < problem.numbers[HOLD_SPEED]
-        if slow and _holds(problem, work, forced, march, clock[_T], _HELD_AGAIN):
+        if slow and _holds(march, _HELD_AGAIN):
             y[3] = y[4] = y[5] = 0.0
             mode = STUCK
-    return REACHED_END, int(clock[_FILLED]), counts
+    return REACHED_END
 
 
 @compiled(allocates=False)
-def _natural(problem: TowProblem, forced: bool, time: float, piece: int, y: Array) -> int:
-    return FORCED if forced else natural_mode(problem, time, piece_at(problem.drive.knots, time, piece), y)
+def _natural(march: March) -> int:
+    problem, time = march.problem, march.clock[_T]
+    piece = piece_at(problem.drive.knots, time, int(march.clock[_PIECE]))
+    return FORCED if march.forced else natural_mode(problem, time, piece, march.y)
 
 
 @compiled(allocates=False)
-def _holds(problem: TowProblem, work: Work, forced: bool, march: March, time: float, least: float) -> bool:
-    if not problem.numbers[HOLD_SPEED] > 0:
+def _holds(march: March, least: float) -> bool:
+    if not march.problem.numbers[HOLD_SPEED] > 0:
         return False
-    march.counts[4] += 1
-    margin = holding_margin(problem, forced, time, int(march.clock[_PIECE]), march.y, work, march.twist)
+    margin = _margin_at(march, march.clock[_T], int(march.clock[_PIECE]))
     march.clock[_MARGIN] = margin
     return margin > least
 
 
 @compiled(allocates=False)
-def _report(
-    march: March, mode: int, t1: float, h: float, times: Array, states: Array, modes: NDArray[np.int64]
-) -> None:
+def _margin_at(march: March, time: float, piece: int) -> float:
+    """The margin of friction at a time, which counts as a check."""
+    march.counts[4] += 1
+    return holding_margin(march.problem, march.forced, time, piece, march.y, march.work, march.twist)
+
+
+@compiled(allocates=False)
+def _report(march: March, mode: int, t1: float, h: float) -> None:
     """Fill states and modes at the times up to ``t1``: the state itself, or dense output while it moves."""
-    filled, t = int(march.clock[_FILLED]), march.clock[_T]
+    times, states, filled, t = march.times, march.states, int(march.clock[FILLED]), march.clock[_T]
     while filled < len(times) and times[filled] <= t1:
         theta = (times[filled] - t) / h
         if theta > 0 and mode != STUCK:
@@ -178,30 +188,27 @@ def _report(
         else:
             for i in range(6):
                 states[filled, i] = march.y[i]
-        modes[filled] = mode
+        march.modes[filled] = mode
         filled += 1
-    march.clock[_FILLED] = filled
+    march.clock[FILLED] = filled
 
 
 @compiled(allocates=False)
-def _rest(
-    problem: TowProblem, work: Work, forced: bool, march: March, times: Array, states: Array, modes: NDArray[np.int64]
-) -> bool:
+def _rest(march: March) -> bool:
     """Stay at rest for a step; True if the object breaks away at its end."""
-    t, y, counts = march.clock[_T], march.y, march.counts
+    problem, forced, t, y, counts = march.problem, march.forced, march.clock[_T], march.y, march.counts
     piece = piece_at(problem.drive.knots, t, int(march.clock[_PIECE]))
     march.clock[_PIECE] = piece
     margin = march.clock[_MARGIN]
     spare = _SAFE_SHARE * (margin / (1 + margin) if margin < np.inf else 1.0)
-    gap = spare * pull_borne(problem, work, march.twist)
-    safe, left = _resting_step(problem, forced, t, piece, y, gap), times[-1] - t
+    gap = spare * pull_borne(problem, march.work, march.twist)
+    safe, left = _resting_step(problem, forced, t, piece, y, gap), march.times[-1] - t
     h = min(max(safe, least_step(problem.drive, t, piece)), left)
     if h > safe:
         h = _hardest_pull(problem, forced, t, h, piece, y)
-    t1 = times[-1] if h >= left else t + h
-    after = holding_margin(problem, forced, t1, piece, y, work, march.twist)
+    t1 = march.times[-1] if h >= left else t + h
+    after = _margin_at(march, t1, piece)
     counts[0] += 1
-    counts[4] += 1
     let_go = after <= 0
     if let_go:
         low, high, at_low, at_high = t, t1, min(margin, 1.0), max(after, -1.0)
@@ -211,8 +218,7 @@ def _rest(
                 break
             share = at_low / (at_low - at_high)
             middle = low + (high - low) * min(max(share, 0.01), 0.99)
-            value = min(max(holding_margin(problem, forced, middle, piece, y, work, march.twist), -1.0), 1.0)
-            counts[4] += 1
+            value = min(max(_margin_at(march, middle, piece), -1.0), 1.0)
             if value > 0:
                 low, at_low = middle, value
                 at_high *= 0.5 if side == 1 else 1.0  # Illinois: an end that stays counts for less.
@@ -223,7 +229,7 @@ def _rest(
                 side = -1
         t1 = high
         counts[3] += 1
-    _report(march, STUCK, t1, 1.0, times, states, modes)
+    _report(march, STUCK, t1, 1.0)
     march.clock[_T], march.clock[_MARGIN] = t1, after
     return let_go
 
@@ -297,25 +303,15 @@ def _damped_rest(problem: TowProblem, t: float, piece: int, stiffness: float, ga
 
 
 @compiled(allocates=False)
-def _move(
-    problem: TowProblem,
-    work: Work,
-    mode: int,
-    fresh: bool,
-    march: March,
-    times: Array,
-    weights: Array,
-    states: Array,
-    modes: NDArray[np.int64],
-) -> tuple[int, bool, bool]:
+def _move(march: March, mode: int, fresh: bool) -> tuple[int, bool, bool]:
     """Try a step; returns the outcome, whether the tether changed between slack and taut, and whether it advanced."""
-    clock, y, counts = march.clock, march.y, march.counts
-    t, end, span = clock[_T], times[-1], times[-1] - times[0]
+    problem, clock, y, counts = march.problem, march.clock, march.y, march.counts
+    t, end, span = clock[_T], march.times[-1], march.times[-1] - march.times[0]
     piece = piece_at(problem.drive.knots, t, int(clock[_PIECE]))
     clock[_PIECE] = piece
     if fresh:
         slopes, time_slope = march.slopes[:3], march.slopes[3, :3]
-        balance = acceleration_slopes(problem, mode, t, piece, y, work, march.rates0, slopes, time_slope)
+        balance = acceleration_slopes(problem, mode, t, piece, y, march.work, march.rates0, slopes, time_slope)
         if balance != BALANCED:
             return TIPPED_OVER if balance == TIPS else LIFTED_OFF, False, False
         if not finite(march.rates0, slopes):
@@ -324,12 +320,12 @@ def _move(
     h = min(clock[_H], end - t, step_to_stop(y, march.rates0, problem.soles.numbers[RADIUS], rise))
     if mode == SLACK or (mode == TAUT and _hangs_slack(problem, t, piece, y)):
         h = min(h, _slack_step(problem, t, piece, y))
-    bend = np.inf if mode == FORCED else bend_ahead(problem.drive, t, piece, h, weights[0])
+    bend = np.inf if mode == FORCED else bend_ahead(problem.drive, t, piece, h, march.weights[0])
     asked, h = h, min(h, bend - t)
     if h < SMALLEST_STEP * span:
         failed = int(clock[_BALANCE])
         return STEP_TOO_SMALL if failed == BALANCED else TIPPED_OVER if failed == TIPS else LIFTED_OFF, False, False
-    error = _step(problem, work, mode, t, h, piece, march, weights)
+    error = _step(march, mode, t, h, piece)
     if not error <= 1:
         counts[1] += 1
         clock[_H], clock[_GROWTH] = retried(h, error), 1.0
@@ -339,15 +335,15 @@ def _move(
     else:
         clock[_H] = following(h, error, clock[_GROWTH], clock[_LAST_H], clock[_LAST_ERROR])
         clock[_LAST_H], clock[_LAST_ERROR] = h, error
-    theta = _first_crossing(problem, mode, t, h, piece, march)
+    theta = _first_crossing(march, mode, t, h, piece)
     if theta < 1:
         h *= theta
-        _step(problem, work, mode, t, h, piece, march, weights)
+        _step(march, mode, t, h, piece)
         counts[2] += 1
         clock[_LAST_H] = 0.0
     t1 = t + h if t + h < end - SMALLEST_STEP * span else end
     t1 = bend if h == bend - t else t1
-    _report(march, mode, t1, h, times, states, modes)
+    _report(march, mode, t1, h)
     for i in range(6):
         y[i] = march.y1[i]
     counts[0] += 1
@@ -356,14 +352,12 @@ def _move(
 
 
 @compiled(allocates=False)
-def _step(
-    problem: TowProblem, work: Work, mode: int, t: float, h: float, piece: int, march: March, weights: Array
-) -> float:
+def _step(march: March, mode: int, t: float, h: float, piece: int) -> float:
     """One step into ``march.y1``; returns the error over the weights (root mean square), infinite where it failed."""
     slopes, time_slope = march.slopes[:3], march.slopes[3, :3]
     if not stage_matrix(h, slopes, march.matrices[0], march.matrices[1]):
         return np.inf
-    stage_y, rates, k, y = march.stage_y, march.rates, march.k, march.y
+    problem, stage_y, rates, k, y = march.problem, march.stage_y, march.rates, march.k, march.y
     for i in range(6):
         rates[i], stage_y[i] = march.rates0[i], y[i]
     for stage in range(STAGES):
@@ -371,12 +365,12 @@ def _step(
             stage_state(stage, y, k, stage_y)
             stage_time = t + NODES[stage] * h
             piece = piece_at(problem.drive.knots, stage_time, piece)
-            balance = accelerations(problem, mode, stage_time, piece, stage_y, work, rates)
+            balance = accelerations(problem, mode, stage_time, piece, stage_y, march.work, rates)
             march.clock[_BALANCE] = balance
             if balance != BALANCED:
                 return np.inf
         solve_stage(stage, h, slopes, march.matrices[0], time_slope, rates, k)
-    return end_of_step(stage_y, k, weights, march.y1)
+    return end_of_step(stage_y, k, march.weights, march.y1)
 
 
 @compiled(allocates=False)
@@ -399,19 +393,19 @@ def _slack_step(problem: TowProblem, t: float, piece: int, y: Array) -> float:
 
 
 @compiled(allocates=False)
-def _first_crossing(problem: TowProblem, mode: int, t: float, h: float, piece: int, march: March) -> float:
+def _first_crossing(march: March, mode: int, t: float, h: float, piece: int) -> float:
     """Fraction of the step at which the tether changes between slack and taut; 1 where it does not."""
-    if mode == FORCED or problem.numbers[TETHER_WEIGHT] > 0:
+    if mode == FORCED or march.problem.numbers[TETHER_WEIGHT] > 0:
         return 1.0
     low, looks = 0.0, LOOKS_SLACK if mode == SLACK else LOOKS
     for look in range(1, looks + 1):
         high = look / looks
-        if _stays(problem, mode, t, h, high, piece, march):
+        if _stays(march, mode, t, h, high, piece):
             low = high
             continue
         while (high - low) * h > 1e-15 * (1 + abs(t)) and high - low > 1e-15:
             middle = 0.5 * (low + high)
-            if _stays(problem, mode, t, h, middle, piece, march):
+            if _stays(march, mode, t, h, middle, piece):
                 low = middle
             else:
                 high = middle
@@ -420,8 +414,8 @@ def _first_crossing(problem: TowProblem, mode: int, t: float, h: float, piece: i
 
 
 @compiled(allocates=False)
-def _stays(problem: TowProblem, mode: int, t: float, h: float, theta: float, piece: int, march: March) -> bool:
+def _stays(march: March, mode: int, t: float, h: float, theta: float, piece: int) -> bool:
     dense_output(theta, march.y, march.y1, march.k, march.stage_y)
-    time = t + theta * h
+    problem, time = march.problem, t + theta * h
     _, stretch, tension = tautness(problem, time, piece_at(problem.drive.knots, time, piece), march.stage_y)
     return tension >= 0 if mode == TAUT else not (stretch > 0 and tension > 0)

@@ -12,7 +12,7 @@ from towval.model import Array, Ground, Sliding, Tether, TowedObject
 from towval.model.checks import positive
 from towval.physics.friction_table import SLOPE
 from towval.physics.motion import TAUT
-from towval.physics.spatial.integrator import STUCK, integrate
+from towval.physics.spatial.integrator import FILLED, STUCK, integrate, march_from
 from towval.physics.spatial.problem import GRAVITY_N, HOLD_SPEED, KAPPA, MASS, REST, TETHER_WEIGHT, TowProblem
 from towval.physics.spatial.rates import tensions
 from towval.physics.spatial.soles import RADIUS, work_for
@@ -71,22 +71,21 @@ class TowRun(NamedTuple):
 
 def run_tow(problem: TowProblem, forced: bool, start: Array, times: Array, tolerance: float, step_limit: int) -> TowRun:
     """Integrate from a state of the centre of mass (6,) at ``times[0]``."""
-    n = len(times)
-    states, modes = np.empty((n, 6)), np.zeros(n, dtype=np.int64)
     # An object trails a tether stretched by some 10 mm: of an error of friction its place errs by a hundredth metre.
     work = work_for(problem.soles, problem.regions, friction_error=tolerance)
     numbers, radius = problem.numbers, problem.soles.numbers[RADIUS]
     rise = max(1 / problem.sliding[SLOPE], _FINEST_SPEED if numbers[HOLD_SPEED] > 0 else 0.0)
     stretch = np.inf if forced else numbers[MASS] * numbers[GRAVITY_N] / numbers[KAPPA]
     weights = tolerance * error_scales(rise, stretch, radius)
-    code, filled, counts = integrate(problem, work, forced, start, times, weights, step_limit, states, modes)
-    states, tension = states[:filled], np.zeros((filled, 3))
+    march = march_from(problem, work, forced, start, times, weights)
+    code, filled = integrate(march, step_limit), int(march.clock[FILLED])
+    states, tension = march.states[:filled], np.zeros((filled, 3))
     if forced:
         tension[:, 1:] = spline_values(problem.drive, times[:filled])[0]
     else:
         tensions(problem, times, states, tension)
-    towed = forced or _ever_towed(problem, modes[:filled], counts, tension[:, 0])
-    return TowRun(code, states, tension, towed, dict(zip(_COUNTS, map(float, counts), strict=True)))
+    towed = forced or _ever_towed(problem, march.modes[:filled], march.counts, tension[:, 0])
+    return TowRun(code, states, tension, towed, dict(zip(_COUNTS, map(float, march.counts), strict=True)))
 
 
 def _ever_towed(problem: TowProblem, modes: NDArray[np.int64], counts: NDArray[np.int64], lengths: Array) -> bool:
