@@ -96,10 +96,6 @@ class SearchRange:
     reach: Callable[[TowingScene], ArrayLike]
 
 
-def _zero(_: TowingScene) -> float:
-    return 0.0
-
-
 @dataclass(frozen=True)
 class UncertainInput:
     """A row of the table.
@@ -131,7 +127,7 @@ class UncertainInput:
     unit: str
     shared: Literal["campaign", "run"]
     acts: Callable[[Realisation, Array], Realisation]
-    value: Callable[[TowingScene], ArrayLike] = _zero
+    value: Callable[[TowingScene], ArrayLike] = lambda _: 0.0
     components: tuple[str, ...] = ()
     stated: StatedDeviation | None = None
     search: SearchRange | None = None

@@ -229,7 +229,8 @@ def feedforward(
     drive = _since(times[0], spline_covering(force, times, "the force"))
     instance_of(towed, "towed", TowedObject)
     in_space = leaves_plane(towed, law, _NO_TETHER, ground, towed.anchor_height, sticking)
-    start, stronger = centre_state(towed, start_pose, start_twist), _stronger(drive)
+    start = centre_state(towed, start_pose, start_twist)
+    stronger = drive._replace(coefficients=(1 + _FORCE_ERROR) * drive.coefficients)
     if in_space:
         given = law, _NO_TETHER, ground, towed.anchor_height, sticking
         motion, moved = (_spatial_motion(towed, given, d, True, start, times, accuracy) for d in (drive, stronger))
@@ -246,10 +247,6 @@ def feedforward(
 def _since(start: float, drive: Spline) -> Spline:
     """A drive over the time since the start: the seconds of a Unix clock leave no digits for the steps between."""
     return drive._replace(knots=drive.knots - start)
-
-
-def _stronger(force: Spline) -> Spline:
-    return force._replace(coefficients=(1 + _FORCE_ERROR) * force.coefficients)
 
 
 def _with_open_loop_finding(motion: SimulatedMotion, moved: SimulatedMotion) -> SimulatedMotion:

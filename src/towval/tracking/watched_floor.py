@@ -3,7 +3,7 @@
 As it is; through a blur, and in even light, where that helps.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -103,7 +103,7 @@ class WatchedFloor:
             return found
         for level in sorted(range(FOCUS.widths + 1), key=lambda level: abs(level - at)):
             # Beyond the sharp floor and those beside it others are tried only where none of these is sure.
-            if level and abs(level - at) > 1 and _least_px(tried) < CONSTANTS.sure_px:
+            if level and abs(level - at) > 1 and min(map(_px, tried.values())) < CONSTANTS.sure_px:
                 continue
             if level not in tried and self._at(level).template is not None:
                 tried[level] = self._at(level).near(luma, start, hidden)
@@ -133,7 +133,3 @@ class WatchedFloor:
 def _px(found: Registered | None) -> float:
     """Deviation of a registration [px]; infinite where there is none."""
     return np.inf if found is None else found.std_px
-
-
-def _least_px(tried: Mapping[int, Registered | None]) -> float:
-    return min(map(_px, tried.values()))
