@@ -34,7 +34,7 @@ from towval.physics.contact import resting_pressure
 from towval.physics.footprint import refuse_tipping
 from towval.physics.friction_laws import Coulomb
 from towval.physics.friction_table import SLOPE
-from towval.physics.integrator import NOT_FINITE, REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, integrate
+from towval.physics.integrator import NOT_FINITE, REACHED_END, STEP_LIMIT, STEP_TOO_SMALL, integrate, march_from
 from towval.physics.motion import FORCED, TAUT, MotionProblem, natural_mode, tensions
 from towval.physics.spatial.integrator import LIFTED_OFF, TIPPED_OVER
 from towval.physics.spatial.problem import as_sliding, tow_problem
@@ -355,10 +355,10 @@ def _run(
 ) -> tuple[Outcome, Array, NDArray[np.int64], dict[str, float]]:
     stretch = np.inf if mode == FORCED else 1 / (scene.patch.per_force * scene.tether[0])
     weights = accuracy.tolerance * error_scales(1 / scene.patch.table[SLOPE], stretch, scene.patch.radius)
-    states, modes = np.empty((len(times), 6)), np.zeros(len(times), dtype=np.int64)
-    code, filled, counts = integrate(scene, mode, y, times, weights, accuracy.step_limit, states, modes)
-    statistics = dict(zip(("steps", "rejections", "mode_changes"), map(float, counts), strict=True))
-    return _OUTCOMES[code], states[:filled], modes[:filled], statistics
+    march = march_from(scene, y, times, weights)
+    code, filled = integrate(march, mode, accuracy.step_limit)
+    statistics = dict(zip(("steps", "rejections", "mode_changes"), map(float, march.counts), strict=True))
+    return _OUTCOMES[code], march.states[:filled], march.modes[:filled], statistics
 
 
 def _motion(
