@@ -113,7 +113,7 @@ def _with_edges(
     least_m = FOLLOW.unsure_edges_px * target.metres_per_pixel(clicked)
     for luma, step in views:
         fit = observe_outline(luma, target, compose(step, clicked))
-        if fit is None or np.linalg.eigvalsh(fit.covariance[:2, :2])[-1] > least_m**2:
+        if fit is None or fit.largest_std_m > least_m:
             return list(found)
     return [(score, place) for score, place in found if observe_outline(views[0][0], target, place) is not None]
 
