@@ -130,7 +130,8 @@ uncorrected = both(
 """Plants that the tracker corrects nothing, and allows for nothing, that the faults of the table change."""
 
 
-def _aside(tracks: dict[str, Track]) -> dict[str, Track]:
+def aside(tracks: dict[str, Track]) -> dict[str, Track]:
+    """The tracks, 20 mm to one side."""
     return {name: replace(each, pose=each.pose + np.array([0.0, 0.02, 0.0])) for name, each in tracks.items()}
 
 
@@ -144,7 +145,7 @@ _LEFT_OUT = replaced(_HERE, "fault_called", result_of(left_out))
 CAMERA_POSES = Check(
     lambda: _of_each(_OTHER, _poses),
     {
-        "poses are 20 mm to one side": replaced(track, "track", result_of(_aside)),
+        "poses are 20 mm to one side": replaced(track, "track", result_of(aside)),
         "nothing is corrected": uncorrected,
         "the faults are left out": _LEFT_OUT,
     },

@@ -13,12 +13,12 @@ import pandas as pd
 
 from studies.camera_faults.faults import Fault
 from studies.camera_faults.trial import Footage, Result, footage, tried
-from studies.evidence.cameras import fault_called, left_out, uncorrected
+from studies.evidence.cameras import aside, fault_called, left_out, uncorrected
 from studies.evidence.ledger import Check, Values
 from studies.evidence.planting import replaced, result_of
 from studies.worlds.campaign import FRAMES, random_tow
 from studies.worlds.folder import film_campaign
-from towval.commands import calibrate
+from towval.commands import calibrate, track
 from towval.model import Array
 
 _HERE = sys.modules[__name__]
@@ -78,6 +78,7 @@ CORRECTIONS = Check(
     _corrections,
     {
         "nothing is corrected": uncorrected,
+        "poses are 20 mm to one side": replaced(track, "track", result_of(aside)),
         "the faults are left out": replaced(_HERE, "fault_called", result_of(left_out)),
     },
 )
