@@ -216,7 +216,8 @@ for name in sys.argv[2:]:
 
 
 @pytest.mark.parametrize(
-    "forks", [False, pytest.param(True, marks=pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here"))]
+    "forks",
+    [False, pytest.param(True, marks=pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot fork"))],
 )
 def test_functions_of_one_name_are_told_apart_in_the_caches_of_two_processes(tmp_path: Path, forks: bool) -> None:
     """Numba counts the functions of each process from one: the cached code of two would have a symbol in common."""
