@@ -71,7 +71,8 @@ def _of_each(run: str, measure: Callable[[Footage, Fault, Path], dict[str, float
     return found
 
 
-def _tried(source: Footage, fault: Fault, camera: Path, **how: Any) -> Result:
+def tried_once(source: Footage, fault: Fault, camera: Path, **how: Any) -> Result:
+    """How a fault ends at its middle strength; ``how`` as :func:`tried` takes it."""
     with TemporaryDirectory() as folder:
         return tried(source, fault, fault.strengths[1], Path(folder), camera, **how)
 
@@ -81,9 +82,9 @@ def _poses(source: Footage, fault: Fault, camera: Path) -> dict[str, float | str
 
     "Harmless": they are as good without the corrections.
     """
-    found = _tried(source, fault, camera, judged=False)
+    found = tried_once(source, fault, camera, judged=False)
     with uncorrected():
-        bare = _tried(source, fault, camera, judged=False)
+        bare = tried_once(source, fault, camera, judged=False)
     harmless = found.poses == bare.poses == "corrected"
     return {
         "poses": "harmless" if harmless else found.poses,
@@ -95,7 +96,7 @@ def _poses(source: Footage, fault: Fault, camera: Path) -> dict[str, float | str
 
 def _verdicts(source: Footage, fault: Fault, camera: Path) -> dict[str, float | str]:
     """The verdicts on a right model, and on one whose tether is stated too long."""
-    right, longer = (_tried(source, fault, camera, longer_m=longer_m).said for longer_m in (0.0, LONGER_M))
+    right, longer = (tried_once(source, fault, camera, longer_m=longer_m).said for longer_m in (0.0, LONGER_M))
     return {"right model": right.split(":")[0], "tether stated too long": longer.split(":")[0]}
 
 

@@ -11,9 +11,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pandas as pd
 
-from studies.camera_faults.faults import Fault
-from studies.camera_faults.trial import Footage, Result, footage, tried
-from studies.evidence.cameras import aside, fault_called, left_out, uncorrected
+from studies.camera_faults.trial import Footage, Result, footage
+from studies.evidence.cameras import aside, fault_called, left_out, tried_once, uncorrected
 from studies.evidence.ledger import Check, Values
 from studies.evidence.planting import replaced, result_of
 from studies.worlds.campaign import FRAMES, random_tow
@@ -51,11 +50,6 @@ def _truth_table(truth: dict[str, Array]) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def _tried(source: Footage, fault: Fault, camera: Path) -> Result:
-    with TemporaryDirectory() as folder:
-        return tried(source, fault, fault.strengths[1], Path(folder), camera, judged=False)
-
-
 def _corrections() -> Values:
     """By fault: how far poses are off [mm, RMS] with and without corrections, and of how many tows what became."""
     results: dict[str, list[Result]] = {}
@@ -63,9 +57,10 @@ def _corrections() -> Values:
         with filmed_tow(seed) as (source, camera):
             for name in _NAMES:
                 fault = fault_called(name)
-                results.setdefault(name, []).append(_tried(source, fault, camera))
+                results.setdefault(name, []).append(tried_once(source, fault, camera, judged=False))
                 with uncorrected():
-                    results.setdefault(f"{name}, without corrections", []).append(_tried(source, fault, camera))
+                    bare = tried_once(source, fault, camera, judged=False)
+                results.setdefault(f"{name}, without corrections", []).append(bare)
     found: dict[str, float] = {}
     for what, tows in results.items():
         found[f"{what}, median"] = float(np.nanmedian([each.rms_mm for each in tows]))
