@@ -3,7 +3,7 @@
 # make studies [QUICK=true]   error against cost, and where methods fail
 # make evidence [QUICK=true]   measure anew what README and documentation state, with planted faults: docs/evidence.md
 # make docs-ledger   compute the claims of the paper and copy their ledger to docs/
-# make check   linters, types and the import contracts alone
+# make check   linters, types and the import contracts alone; make pytest   the tests alone
 # make accuracy CAMPAIGN=...   run a campaign that has truth files, and print the errors against the truth
 # make tables  the must-reach tables of calibration and tracking on synthetic scenes, with their seeds
 # make mutants   which tuned constants of tracking and calibration the tests notice, each halved and doubled
@@ -17,16 +17,19 @@ VENV ?= .venv
 CORES ?= 2
 BIN := $(VENV)/bin
 VIEWERS := $(VENV)/viewers
-# Every package with the hash of its file, from requirements/; LOCKED= takes the newest within pyproject.toml's ranges.
+# Every package with the hash of its file, from requirements/. The ends of pyproject.toml's ranges: LOCKED= takes the
+# newest, OLDEST=true the oldest (with a VENV of its own).
 LOCKED ?= true
+OLDEST ?=
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
-install = $(if $(LOCKED),$(PIP) --require-hashes --requirement requirements/$(1).txt && \
-	$(PIP) --no-deps --no-build-isolation --editable .,$(PIP) --editable '$(2)')
+install = $(if $(OLDEST),$(PIP) --constraint requirements/oldest.txt --editable '$(2)',$(if $(LOCKED),$(PIP) \
+	--require-hashes --requirement requirements/$(1).txt && $(PIP) --no-deps --no-build-isolation --editable .,$(PIP) \
+	--editable '$(2)'))
 SOURCES := src studies tests
 # Where PYTHONDONTWRITEBYTECODE is set, as in many images, each process would compile all it imports: 0.3 s of its start.
 compile = $(BIN)/python -m compileall -q src studies
 
-.PHONY: demo test check viewers studies evidence docs-ledger accuracy tables mutants bench docs damage lock sbom audit clean
+.PHONY: demo test pytest check viewers studies evidence docs-ledger accuracy tables mutants bench docs damage lock sbom audit clean
 
 $(VENV)/installed: pyproject.toml requirements/run.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "towval needs Python 3.11 or newer: make PYTHON=/path/to/python3.11")'
@@ -67,6 +70,9 @@ check: $(VENV)/installed-dev
 
 test: $(VENV)/installed-dev
 	@$(MAKE) --no-print-directory --jobs 2 check viewers
+	@$(MAKE) --no-print-directory pytest
+
+pytest: $(VENV)/installed-dev
 	$(compile)
 	OMP_NUM_THREADS=1 TOWVAL_VIEWERS="$${TOWVAL_VIEWERS:-$(CURDIR)/$(VIEWERS)/bin}" $(BIN)/python -m pytest -n $(CORES) --dist loadfile --durations 10
 
@@ -122,6 +128,7 @@ LOCK := compile --quiet --universal --generate-hashes --python-version 3.11 --no
 lock: $(VENV)/installed $(VENV)/installed-tools
 	$(TOOLS)/uv pip $(LOCK) pyproject.toml requirements/build.in --output-file requirements/run.txt
 	$(TOOLS)/uv pip $(LOCK) --extra dev --constraint requirements/run.txt pyproject.toml requirements/build.in --output-file requirements/dev.txt
+	$(TOOLS)/uv pip compile --quiet --resolution lowest-direct --python-version 3.11 --no-header --no-annotate --extra dev pyproject.toml --output-file requirements/oldest.txt
 	printf '# Licences of what is installed\n\nAs each package of `run.txt` states it; written by `make lock`.\n\n' > requirements/licences.md
 	$(TOOLS)/pip-licenses --python $(BIN)/python --packages $$(sed -n 's/==.*//p' requirements/run.txt) --format markdown --from mixed >> requirements/licences.md
 

@@ -32,6 +32,18 @@ def test_every_dependency_is_locked_within_its_range(repository, name, extras):
         assert all(version in row.specifier for version in found), f"{row} is locked to {found[0]}: make lock"
 
 
+def test_the_oldest_versions_are_those_where_the_ranges_begin(repository):
+    project = tomllib.loads((repository / "pyproject.toml").read_text())["project"]
+    text = (repository / "requirements" / "oldest.txt").read_text()
+    versions = {canonicalize_name(name): Version(v) for name, v in re.findall(r"(?m)^([\w.-]+)==([^\s;]+)", text)}
+    for row in map(Requirement, project["dependencies"] + project["optional-dependencies"]["dev"]):
+        begin = next(Version(each.version) for each in row.specifier if each.operator == ">=")
+        found = versions.get(canonicalize_name(row.name))
+        assert found and found in row.specifier, f"{row.name} {found} is not in its range: make lock"
+        # The first version of a minor one need not work with the other packages.
+        assert (found.major, found.minor) == (begin.major, begin.minor), f"{row.name} {found} is newer: make lock"
+
+
 def test_both_lock_files_agree(repository):
     run, dev = locked(repository, "run.txt"), locked(repository, "dev.txt")
     assert run.items() <= dev.items()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from towval.io.atomic import replacing
 from towval.io.reading import is_plain_file
-from towval.io.video import shown, upright
+from towval.io.video import TEXT_AS_IT_IS, fraction, shown, upright
 from towval.model import Array
 from towval.model.errors import InputError
 
@@ -32,9 +32,9 @@ def frame_times(path: Path) -> tuple[Array, str]:
     Raises `InputError` when the file is no video.
     """
     try:
-        with av.open(path, metadata_errors="replace") as film:
+        with av.open(path, **TEXT_AS_IT_IS) as film:
             stream = shown(film)
-            base = stream.time_base or 0
+            base = fraction(stream.time_base)
             stored = [p.pts for p in film.demux(stream) if p.pts is not None and p.size and not p.is_discard]
             coding = stream.codec_context.codec.long_name
     except (av.FFmpegError, OSError, IndexError) as error:
@@ -46,7 +46,7 @@ def frame_times(path: Path) -> tuple[Array, str]:
 def opened_film(path: Path) -> Iterator[av.container.InputContainer]:
     """Footage to be decoded; raises `InputError` where it is no video, or FFmpeg fails within the block."""
     try:
-        with av.open(path, metadata_errors="replace") as film:
+        with av.open(path, **TEXT_AS_IT_IS) as film:
             if not film.streams.video:
                 raise InputError(f"{path.name} holds no video", remedy="name a video file")
             shown(film).thread_type = "AUTO"
@@ -88,7 +88,7 @@ def time_base(stream: av.VideoStream) -> Fraction:
     """Unit of the stream's times [s]."""
     if stream.time_base is None:
         raise InputError("the video has no time base", remedy="remux the video")
-    return stream.time_base
+    return fraction(stream.time_base)
 
 
 def seconds(frame: av.VideoFrame, stream: av.VideoStream) -> float:
@@ -128,7 +128,7 @@ def check_film_replaceable(path: Path) -> None:
     if not is_plain_file(path):
         return
     try:
-        with av.open(path, metadata_errors="replace") as film:
+        with av.open(path, **TEXT_AS_IT_IS) as film:
             marked = film.metadata.get("comment") == _MARK
     except (av.FFmpegError, OSError):
         marked = False

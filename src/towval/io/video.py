@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
+from typing import Any, Protocol
 
 import av
 import numpy as np
@@ -30,6 +31,8 @@ _DEEPEST_BITS = 16  # Of whole numbers.
 _LAST_STEPS = 2.5  # From the last picture to the end: its own, one that is cut in two, and half of one for rounding.
 _PLAYLISTS = {"hls", "applehttp", "concat", "dash", "imf", "sdp", "rtsp", "lavfi"}
 """FFmpeg's formats that name other files or hosts."""
+TEXT_AS_IT_IS: dict[str, Any] = {} if int(av.__version__.split(".")[0]) >= 19 else {"metadata_errors": "replace"}
+"""For :func:`av.open`: a title in another encoding is no error. From 19 on, PyAV has no such argument and does so."""
 
 
 @dataclass(frozen=True)
@@ -80,9 +83,9 @@ class Video:
             )
         try:
             # An absolute path is never taken for a protocol; and nothing but this file is opened.
-            # And no text in it matters.
             options = {"protocol_whitelist": "file"}
-            container = av.open(str(self.path.absolute()), container_options=options, metadata_errors="replace")
+            container: av.container.InputContainer
+            container = av.open(str(self.path.absolute()), container_options=options, **TEXT_AS_IT_IS)
         except av.error.FFmpegError as error:
             raise InputError(
                 f"{self.path.name} is no video that FFmpeg can open",
@@ -268,9 +271,23 @@ class Video:
         )
 
 
-def _seconds(pts: int, time_base: Fraction | None) -> float:
+class _Ratio(Protocol):
+    """A time base or frame rate: of PyAV before 19 a fraction, from then on its own type."""
+
+    @property
+    def numerator(self) -> int: ...
+    @property
+    def denominator(self) -> int: ...
+
+
+def fraction(ratio: _Ratio | None) -> Fraction:
+    """A time base or frame rate as a fraction; zero where the file does not say."""
+    return Fraction(0) if ratio is None else Fraction(ratio.numerator, ratio.denominator)
+
+
+def _seconds(pts: int, time_base: _Ratio | None) -> float:
     """A time in units of a time base in seconds, with one rounding: numerator and denominator are exact."""
-    base = Fraction(time_base or 0)
+    base = fraction(time_base)
     return pts * base.numerator / base.denominator
 
 
@@ -283,7 +300,7 @@ def shown(container: av.container.InputContainer) -> av.VideoStream:
 def _header(container: av.container.InputContainer) -> VideoHeader:
     stream = shown(container)
     sound = next(iter(container.streams.audio), None)
-    context, base, nan = stream.codec_context, Fraction(stream.time_base or 0), float("nan")
+    context, base, nan = stream.codec_context, fraction(stream.time_base), float("nan")
     begin = (stream.start_time or 0) * base
     return VideoHeader(
         resolution_px=(context.width, context.height),
@@ -299,7 +316,7 @@ def _end_s(stream: av.AudioStream) -> float:
     """When a stream ends [s], NaN where the header does not say."""
     if not stream.duration:
         return float("nan")
-    return float(((stream.start_time or 0) + stream.duration) * Fraction(stream.time_base or 0))
+    return float(((stream.start_time or 0) + stream.duration) * fraction(stream.time_base))
 
 
 def luma_plane(frame: av.VideoFrame) -> Luma:
