@@ -12,6 +12,7 @@ from studies.compute import gather, run_part
 from studies.draw import draw_chart
 from studies.frame import Settings, loaded
 from studies.page import write_page
+from studies.registry import TRADEOFF
 
 PLUGIN = Path(__file__).with_name("sine_study.py")
 REFERENCE = "sine_study:STUDY"
@@ -45,7 +46,9 @@ def test_a_name_that_is_taken_is_one_message(repository, tmp_path):
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """Table and chart of the study, made as the workflow makes them."""
+    """Table and chart of the study, made as the workflow makes them; it is registered for one test."""
+    monkeypatch.setattr(TRADEOFF, "_values", dict(TRADEOFF))
+    monkeypatch.delitem(sys.modules, "sine_study", raising=False)
     monkeypatch.syspath_prepend(PLUGIN.parent)
     written = []
     for name, part in loaded(REFERENCE).parts(Settings(quick=True)).items():
