@@ -220,6 +220,31 @@ def test_the_floor_is_where_all_pictures_of_one_camera_have_it(left_at_two, foun
     assert [one.motion[7] for one in found.values()] == [found_px] * 5
 
 
+def test_the_first_picture_counts_where_it_shows_the_floor_far_from_the_others():
+    """Beyond the reach of the slopes from where those do. The mean of those was taken for its place."""
+    places_px = [9.0, 0.0, 0.1, 0.2]
+    seen = finding(places_px)
+    near = seen.near
+    seen.near = lambda number, place, hidden: (
+        near(number, place, hidden) if abs(place[7] - places_px[number]) < 4 else None
+    )
+    seen.unmoved = lambda _: None
+    found = view_at_start._found(seen, range(4))
+    assert list(found) == [0, 1, 2, 3]
+    assert found[0].motion[7] == 9.0
+    seen.anywhere = lambda number: moved_by(places_px[number]) if number else None
+    assert list(view_at_start._found(seen, range(4))) == [1, 2, 3]
+
+
+@pytest.mark.parametrize("textured", [True, False])
+def test_a_floor_is_not_too_plain_where_the_camera_moved_between_its_pictures(textured):
+    rng, turns = np.random.default_rng(4), [0.0, 0.03, -0.03, 0.06]
+    views = [moved_view(CAMERA, FLOOR, np.array([turn, -turn, 0, 0, 0, 0, 0, 0, 0])) for turn in turns]
+    pictures = [floor_picture(*view, seed=5 + i) for i, view in enumerate(views)]
+    plain = [np.rint(rng.normal(120, 3, FIRST.shape)).astype(np.uint8) for _ in turns]
+    assert view_at_start._too_plain(CAMERA, FLOOR, pictures if textured else plain) != textured
+
+
 @pytest.mark.parametrize("odd", [0, 2])
 def test_a_camera_that_moved_between_the_pictures_of_the_floor_is_referred_to_the_first(odd):
     """Which holds the floor frame. The mean of all was taken: a camera that was knocked after it left poses off."""

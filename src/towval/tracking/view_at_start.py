@@ -138,7 +138,10 @@ def _too_plain(camera: Camera, floor: Floor, pictures: Sequence[Luma]) -> bool:
     """Whether the floor's own pictures, which one camera took, are not recognised in one another either."""
     first, *others = pictures
     seen = _as_seen(camera, floor, first)
-    return bool(others) and seen.template is not None and 2 * len(_found(seen, others)) < len(others)
+    if not others or seen.template is None:
+        return False
+    # Each by itself: the camera may have moved between them.
+    return 2 * sum(seen.anywhere(picture) is not None for picture in others) < len(others)
 
 
 @dataclass(frozen=True)
@@ -175,7 +178,12 @@ def _found(seen: FloorRegistration, pictures: Sequence[Luma]) -> dict[int, Regis
     # The first picture's noise is the same in all of them.
     most_px = max(CONSTANTS.wider_px, MOTION.significant * float(np.median([one.wider_std_px for one in found])))
     wider_px = float(np.median([one.wider_px for one in found]))
-    return {} if other_lens or abs(wider_px) > most_px else {one.number: one.registered for one in found}
+    if other_lens or abs(wider_px) > most_px:
+        return {}
+    near = {one.number: one.registered for one in found}
+    # The first one holds the floor frame: where it is not near the others, the camera moved between them.
+    first = None if 0 in near else seen.anywhere(pictures[0])
+    return near if first is None else {0: first} | near
 
 
 def _found_near(seen: FloorRegistration, pictures: Sequence[Luma], place: Array) -> tuple[list[_Recognised], Learned]:
