@@ -203,3 +203,16 @@ def test_a_top_that_grows_for_a_while_as_a_whole_was_lifted(along, across, looks
     assert [one.code for one in told] == ["top_lifted"] * found
     assert all(f"{100 * along:+.1f} % larger" in one.text for one in told)
     assert lift_findings(target, time_s[:3], pose[:3], size_m[:3]) == ()
+
+
+@pytest.mark.parametrize(("later", "found"), [(0, True), (2, False), (3, False)])
+def test_sides_that_hop_to_other_edges_in_one_half_second_are_no_lift(later, found):
+    """In other pictures each: length and width of a rover in a 10 bit video did, and a right run was not judged."""
+    scene = standard_scene(**small_camera())
+    body = scene.bodies[0]
+    time_s, pose = np.arange(100) / 25, np.tile(scene.motions[0](0.0), (100, 1))
+    size_m = 1e-4 * np.random.default_rng(0).normal(size=(100, 2))
+    for side, looks in enumerate((slice(50, 54), slice(50 + later, 54 + later))):
+        size_m[looks, side] += 0.0055 * np.ptp(body.top_corners_m[:, side])
+    told = lift_findings(PlanarTarget(body, scene.camera, scene.floor), time_s, pose, size_m)
+    assert [one.code for one in told] == ["top_lifted"] * found

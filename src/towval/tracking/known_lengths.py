@@ -104,9 +104,13 @@ def lift_findings(target: PlanarTarget, time_s: Array, pose: Array, size_m: Arra
     if len(size_m) < _LOOKS:
         return ()
     grown = (size_m - np.median(size_m, axis=0)) / np.ptp(target.body.top_corners_m, axis=0)
-    along, across = np.median(np.lib.stride_tricks.sliding_window_view(grown, _LOOKS, axis=0), axis=-1).T
-    # An edge that is hidden, or another one that is taken for it, changes the length or the width.
-    alike = np.minimum(np.abs(along), np.abs(across)) - np.abs(along - across)
+    # An edge that is hidden, or another one that is taken for it, changes the length or the width. Both may hop between
+    # edges in one half of a second, but hardly in the same pictures.
+    same_way = grown[:, 0] * grown[:, 1] > 0
+    both = np.where(same_way, np.sign(grown[:, 0]) * np.abs(grown).min(axis=1), 0.0)
+    windows = np.lib.stride_tricks.sliding_window_view(np.column_stack([grown, both]), _LOOKS, axis=0)
+    along, across, together = np.median(windows, axis=-1).T
+    alike = np.minimum(np.minimum(np.abs(along), np.abs(across)) - np.abs(along - across), np.abs(together))
     worst = int(np.argmax(alike))
     if alike[worst] <= CONSTANTS.wrong:
         return ()
