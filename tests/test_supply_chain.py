@@ -39,7 +39,8 @@ def test_the_oldest_versions_are_those_where_the_ranges_begin(repository):
     for row in map(Requirement, project["dependencies"] + project["optional-dependencies"]["dev"]):
         begin = next(Version(each.version) for each in row.specifier if each.operator == ">=")
         found = versions.get(canonicalize_name(row.name))
-        assert found and found in row.specifier, f"{row.name} {found} is not in its range: make lock"
+        assert found is not None, f"{row.name} is not in oldest.txt: make lock"
+        assert found in row.specifier, f"{row.name} {found} is not in its range: make lock"
         # The first version of a minor one need not work with the other packages.
         assert (found.major, found.minor) == (begin.major, begin.minor), f"{row.name} {found} is newer: make lock"
 
