@@ -128,7 +128,7 @@ LOCK := compile --quiet --universal --generate-hashes --python-version 3.11 --no
 lock: $(VENV)/installed $(VENV)/installed-tools
 	$(TOOLS)/uv pip $(LOCK) pyproject.toml requirements/build.in --output-file requirements/run.txt
 	$(TOOLS)/uv pip $(LOCK) --extra dev --constraint requirements/run.txt pyproject.toml requirements/build.in --output-file requirements/dev.txt
-	$(TOOLS)/uv pip compile --quiet --resolution lowest-direct --python-version 3.11 --no-header --no-annotate --extra dev pyproject.toml --output-file requirements/oldest.txt
+	$(TOOLS)/uv pip compile --quiet --upgrade --resolution lowest-direct --python-version 3.11 --no-header --no-annotate --extra dev pyproject.toml --output-file requirements/oldest.txt
 	printf '# Licences of what is installed\n\nAs each package of `run.txt` states it; written by `make lock`.\n\n' > requirements/licences.md
 	$(TOOLS)/pip-licenses --python $(BIN)/python --packages $$(sed -n 's/==.*//p' requirements/run.txt) --format markdown --from mixed >> requirements/licences.md
 
