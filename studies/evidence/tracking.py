@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import tempfile
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -13,12 +12,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from studies.evidence.compute import shared_folder
 from studies.evidence.ledger import Check, Values
 from studies.evidence.planting import flawed, moved, repeated, replaced, result_of
 from studies.tables import tracking_accuracy, tracking_cpu, tracking_memory
 from studies.worlds.challenges import ACCURATE, FLAGGED, HARD
-from studies.worlds.film import write_video
-from studies.worlds.scenes import CeilingCamera, standard_scene
 from towval.io.video import Luma
 from towval.model import Severity, Track
 from towval.model.findings import finding
@@ -127,15 +125,17 @@ SCENES = Check(
 
 
 def _cost() -> Values:
-    scene = standard_scene(77)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "scene.mp4"
-        write_video(path, CeilingCamera(scene).frames(np.arange(300) / 25), crf="20", preset="veryfast")
-        results = tracking_cpu.measure(path, scene, 3)
-    return {"over decoding": float(np.median([b / a for a, b in results]))}
+    with tracking_cpu.synthetic(300) as films:
+        found = {"over decoding": tracking_cpu.ratio(films[0].measured(3))}
+    lab = tracking_cpu.of_campaign(shared_folder() / "footage" / "lab_a")
+    return found | {f"over decoding, lab_a {film.path.stem}": tracking_cpu.ratio(film.measured(3)) for film in lab}
 
 
-COST = Check(_cost, {"every frame is measured four times": replaced(PlaneTracker, "measure", repeated(4))})
+COST = Check(
+    _cost,
+    {"every frame is measured four times": replaced(PlaneTracker, "measure", repeated(4))},
+    needs=("footage/lab_a",),
+)
 
 
 def _memory() -> Values:
