@@ -20,7 +20,11 @@ def _repictured(
     for path in sorted((folder / "calibration").glob(pattern))[::every]:
         picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
         if picture is not None:
-            cv2.imwrite(str(path), change(np.asarray(picture)), [cv2.IMWRITE_JPEG_QUALITY, quality])
+            coded = cv2.imencode(".jpg", change(np.asarray(picture)), [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+            if path.suffix == ".jpg":
+                path.write_bytes(coded.tobytes())
+            else:
+                cv2.imwrite(str(path), np.asarray(cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE)))
 
 
 def _zoomed(percent: float) -> Callable[[Array], Array]:

@@ -18,7 +18,7 @@ from studies.evidence.ledger import Check, Values
 from studies.evidence.planting import both, replaced, result_of, tethered_longer
 from studies.tables import speeds_misstated, validation_must_reach, validation_rendered, verdict_worlds
 from studies.worlds import towed_runs
-from studies.worlds.towed_runs import TrueCamera, nominal_calibration
+from studies.worlds.towed_runs import TrueCamera, nominal_calibration, true_motion
 from studies.worlds.verdict_worlds import WORLDS, number_of, world_run
 from towval.commands import simulate
 from towval.model import Comparison, RunUncertainty, TowingScene, Verdict
@@ -150,15 +150,26 @@ VALIDATION = Check(
 )
 
 
-_FILMED = ("as the model says", "stripe", "centre of mass", "tether 10 % longer", "as the model says, another")
-"""What is filmed, in the order of :data:`validation_rendered.CASES`."""
+_FILMED = 10
+"""Filmed runs of each fault, and of none."""
 
 
 def _rendered() -> Values:
-    """Verdicts on runs that are filmed and go through all stages."""
+    """Verdicts on runs that are filmed and go through all stages, and of those without a fault how far they are off."""
+    found = {f"{fault or _RIGHT}, {what}": 0.0 for fault in validation_rendered.WANTED for what in _VERDICTS}
+    errors, uncertain = [], []
     with TemporaryDirectory() as folder:
-        rows = list(validation_rendered.rendered_rows(len(_FILMED), Path(folder)))
-    return {name: text.split(",")[0] for name, (_, text, _, _) in zip(_FILMED, rows, strict=True)}
+        for run in validation_rendered.rendered_runs(_FILMED, Path(folder)):
+            found[f"{run.fault or _RIGHT}, {run.said}"] += 1
+            if not run.fault and isinstance(run.result, Comparison):
+                errors.append(run.result.path_rms_m)
+                uncertain.append(run.result.u_val_m)
+    found |= {"E, median": 1e3 * float(np.median(errors)), "u_val, median": 1e3 * float(np.median(uncertain))}
+    return found | {"E over u_val, RMS": float(np.sqrt(np.mean((np.array(errors) / uncertain) ** 2)))}
+
+
+_RIGHT = "as the model says"
+_VERDICTS = (*(verdict.value for verdict in Verdict), "refused")
 
 
 def _slippery(original: Any) -> Any:
@@ -171,10 +182,14 @@ def _slippery(original: Any) -> Any:
     return wrong
 
 
+def _as_the_model_says(original: Any) -> Any:
+    return lambda run, _motion, *where: original(run, true_motion(run, run.truth), *where)
+
+
 RENDERED = Check(
     _rendered,
     {
-        "nothing is planted": replaced(validation_rendered, "CASES", lambda cases: ("",) * len(cases)),
+        "nothing is planted": replaced(validation_rendered, "film", _as_the_model_says),
         "the simulated friction is twice as large": replaced(simulate, "simulate_selecting", _slippery),
     },
 )

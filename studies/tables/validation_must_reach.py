@@ -186,7 +186,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--samples", type=int, default=256)
-    parser.add_argument("--rendered", type=int, default=5)
+    parser.add_argument("--rendered", type=int, default=1, help="filmed runs of each fault, and of none")
     parser.add_argument("--output", type=Path, default=Path("results/validation"))
     parser.add_argument("--right", type=Path, nargs="*", default=[])
     given = parser.parse_args()
