@@ -10,27 +10,32 @@ from pathlib import Path
 from typing import Any
 
 from studies.evidence.compute import changed_since
-from studies.evidence.ledger import Effort, EvidenceClass, Group, read_groups
+from studies.evidence.ledger import Effort, EvidenceClass, Group, Statement, read_groups
+from studies.frame import loaded
 from towval.io.atomic import write_text
 from towval.model.errors import TowvalError
 
 _HEAD = """# Evidence: what is stated of towval, and what it rests on
 
 Made by `snakemake evidence` from `studies/evidence/rows.yaml`; do not edit. The same as data is `evidence.json`. A
-number about accuracy, cost or coverage stands in README or on a page of the documentation only with a row here: a test
-compares both. Pages that a command of their own makes are left out, and say when they were made: the
-[claims of the paper](claims.md), the [map of camera faults](camera_faults.md) and the [five scenes](scenes.md).
+number about accuracy, cost or coverage stands in README or on a page of the documentation only with a group here: a
+test compares both. Numbers of a set-up, of what was found at another time, and what follows from a row (an interval of
+a count) may stand in the words of the group alone. Pages that a command of their own makes are left out, and say when
+they were made: the [claims of the paper](claims.md), the [map of camera faults](camera_faults.md) and the
+[five scenes](scenes.md).
 
 - *Class* says how far the truth is from us: real data of others, another program, our own synthetic worlds, or a cost.
 - *Holds* is the stated number's tolerance against what was measured at the date and commit given; a plus behind the
   commit: files differed from it. Where the data or a program is not at hand, and for what takes too long, the last
   outcome stands. *Changed since* counts the files of the check, and of all that it imports, which differ from that
-  commit as this page is written, by a word or by a method: 0 is an outcome of the present code.
+  commit as this page is written, by a word or by a method: 0 is an outcome of the present code; –: that commit is not
+  known any more, or the group is made by hand.
 - Any of a group's numbers is measured again, with or without a fault, by `python -m studies.evidence.show GROUP`;
   *command* is what a user would run for the like.
-- *Control* plants a fault in the program or its input and decides the row again; "noticed" where the row then fails, as
-  it must; None: the number is not made then, which is no notice. Long checks are not made with the others but when
-  asked for, `snakemake evidence --config long=[GROUP]`.
+- *Control* plants a fault and decides the row again; "noticed" where the row then fails, as it must; None: the number
+  is not made then, which is no notice. A fault's words say where it is: in the program, in what is given to it, or in
+  the result as it is read, which shows no more than that the row can fail. Long checks are not made with the others but
+  when asked for, `snakemake evidence --config long=[GROUP]`.
   Groups that are made by hand say in words what a wrong program would give: no run decides that.
 """
 
@@ -57,7 +62,10 @@ def write_ledger(outcomes: Sequence[Path], memory: Path, outputs: Sequence[Path]
     made: dict[str, list[dict[str, Any]]] = {}
     for path in outcomes:
         made.setdefault(path.name.split(".")[0], []).append(json.loads(path.read_text(encoding="utf-8")))
-    found = {name: judged(group, made.get(name, ()), before.get(name, {})) for name, group in groups.items()}
+    found = {
+        name: judged(group, made.get(name, ()), _as_planted_now(group, before.get(name, {})))
+        for name, group in groups.items()
+    }
     for name, group in groups.items():
         found[name] |= _age(group, found[name])
     data = _one_row_a_line(found)
@@ -79,6 +87,16 @@ def _one_row_a_line(found: Mapping[str, Mapping[str, Any]]) -> str:
     return '{"groups": {\n' + ",\n".join(parts) + "\n}}\n"
 
 
+def _as_planted_now(group: Group, before: Mapping[str, Any]) -> dict[str, Any]:
+    """What was known of a group, without outcomes of faults that its check does not plant any more."""
+    planted = set(loaded(group.check).faults) if group.check else set()
+    rows = [
+        row | {"controls": [each for each in row["controls"] if each["fault"] in planted]} if "controls" in row else row
+        for row in before.get("rows", ())
+    ]
+    return {**before, "rows": rows}
+
+
 def judged(group: Group, outcomes: Sequence[Mapping[str, Any]], before: Mapping[str, Any]) -> dict[str, Any]:
     """A group with its rows decided on outcomes, the first without a fault, or on what was known before."""
     if not outcomes:
@@ -87,6 +105,7 @@ def judged(group: Group, outcomes: Sequence[Mapping[str, Any]], before: Mapping[
         for row, each in zip(rows, group.statements, strict=True):
             if "measured" in row:
                 row["holds"] = each.holds(row["measured"])
+                row["controls"] = [was | {"noticed": _noticed(each, was["measured"])} for was in row["controls"]]
         last = {key: before[key] for key in ("date", "commit", "machine", "cpu_s") if key in before}
         return {"effort": str(group.effort), "class": str(group.kind), **last, **group.last, "rows": rows}
     as_is, *faulty = outcomes
@@ -96,12 +115,19 @@ def judged(group: Group, outcomes: Sequence[Mapping[str, Any]], before: Mapping[
         row["holds"] = each.holds(row["measured"])
         for other in faulty:
             measured = other["values"].get(each.name, other["values"].get("stopped"))
-            noticed = "stopped" in other["values"] or (measured is not None and not each.holds(measured))
+            noticed = _noticed(each, measured)
             row["controls"].append({"fault": other["fault"], "measured": measured, "noticed": noticed})
         rows.append(row)
     kept = {key: as_is[key] for key in ("date", "commit", "machine")}
     spent = round(sum(outcome["cpu_s"] for outcome in outcomes), 1)
     return {"effort": str(group.effort), "class": str(group.kind), **kept, "cpu_s": spent, "rows": rows}
+
+
+def _noticed(each: Statement, measured: float | str | None) -> bool:
+    """Whether a row fails under a fault: not where it is not made then; words in place of a number say what stopped."""
+    if measured is None:
+        return False
+    return not each.holds(measured) if each.rule == "is" or not isinstance(measured, str) else True
 
 
 def _age(group: Group, found: Mapping[str, Any]) -> dict[str, Any]:

@@ -136,6 +136,23 @@ def test_the_page_shows_what_holds_and_what_noticed_the_faults(tmp_path, monkeyp
     assert json.loads(data.read_text(encoding="utf-8"))["groups"]["bar"]["rows"][0] == first
 
 
+def test_outcomes_that_are_kept_are_decided_by_the_present_rows_and_faults(tmp_path, monkeypatch):
+    data, wider = tmp_path / "evidence.json", Statement("length", "2.0", "m", "within", 0.3)
+
+    def rows_for(group):
+        monkeypatch.setattr("studies.evidence.page.read_groups", lambda: {"bar": group})
+        write_ledger([], data, [data])
+        return json.loads(data.read_text(encoding="utf-8"))["groups"]["bar"]["rows"]
+
+    monkeypatch.setattr("studies.evidence.page.read_groups", lambda: {"bar": GROUP})
+    write_ledger(outcomes(tmp_path), tmp_path / "none.json", [data])
+    (first, _) = rows_for(replace(GROUP, statements=(wider, *GROUP.statements[1:])))
+    assert [control["noticed"] for control in first["controls"]] == [False, True]
+    (first, second) = rows_for(replace(GROUP, check=f"{__name__}:MISTAKEN"))
+    assert first["controls"] == second["controls"] == []
+    assert first["measured"] == 2.0
+
+
 def test_a_row_that_does_not_hold_and_a_fault_that_nobody_notices_end_with_an_error(tmp_path, monkeypatch):
     strict = replace(GROUP, statements=(Statement("length", "1.5", "m", "within", 0.1),))
     lax = replace(GROUP, statements=(Statement("length", "2.0", "m", "within", 9.0),))
