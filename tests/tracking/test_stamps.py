@@ -74,7 +74,7 @@ def test_dropped_pictures_are_found_where_a_deviation_holds_what_wanders_slowly(
     assert codes(unsure(filmed(EVEN, EVEN, seed=seed))) == []
 
 
-@pytest.mark.parametrize(("deviations", "told"), [(1.8, False), (3.5, True)])
+@pytest.mark.parametrize(("deviations", "told"), [(1.2, False), (2.4, True)])
 def test_steps_of_a_motion_without_noise_are_compared_with_a_share_of_what_is_stated(deviations, told):
     """Both bodies move at 0.127 m/s where the picture is repeated."""
     shown = np.arange(250)
@@ -132,6 +132,36 @@ def test_pictures_that_are_late_in_turn_are_as_uncertain():
     speed = np.gradient(uneven["rover"].pose[:, 0], EVEN)
     added = np.sqrt((tracks["rover"].covariance - uneven["rover"].covariance)[:, 0, 0])
     assert np.median(added / np.abs(speed)) == pytest.approx(0.003, rel=0.2)
+
+
+def started(true_s, way_m):
+    """Tracks of a rover that drives a way (n,) [m], and of an object at rest, photographed at ``true_s``."""
+    tracks = filmed(true_s, EVEN[: len(true_s)], speeds=(0.0, 0.0))
+    row = np.searchsorted(EVEN, true_s - 1e-9)
+    at_rest, driven = (np.random.default_rng(8 + k).normal(0, 2e-5, (len(EVEN), 3))[row] for k in (0, 1))
+    driven[:, 0] += way_m[row]
+    return {name: replace(tracks[name], pose=pose) for name, pose in (("rover", driven), ("object", at_rest))}
+
+
+@pytest.mark.parametrize("repeated", [[100], [40, 41, 43], [56, 57], [248]])
+def test_repeated_pictures_are_found_while_the_rover_speeds_up_and_the_object_rests(repeated):
+    way_m = np.where(EVEN > 1, 0.02 * (EVEN - 1) ** 2, 0.0)
+    shown = np.arange(250)
+    for i in repeated:
+        shown[i] = shown[i - 1]
+    tracks, findings, stamps = check_stamps(started(EVEN[shown], way_m))
+    assert [one.code for one in findings] == ["pictures_repeated"]
+    assert np.flatnonzero(stamps == Stamp.REPEATED).tolist() == repeated
+    assert not tracks["rover"].seen[repeated].any()
+
+
+@pytest.mark.parametrize("pictures", [1, 2, 3])
+def test_a_rover_that_halts_for_a_moment_repeats_no_picture(pictures):
+    """It goes on from where it stood."""
+    rolling_s = np.cumsum(
+        np.r_[0.0, np.where((np.arange(1, 250) // 40 > 0) & (np.arange(1, 250) % 40 < pictures), 0, 0.04)]
+    )
+    assert "pictures_repeated" not in codes(started(EVEN, 0.08 * rolling_s + 0.01 * np.sin(rolling_s)))
 
 
 @pytest.mark.parametrize("share", [0.02, 0.1])

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from towval.model import Array, Finding, Stamp, Track, TrackStatus
 from towval.model.findings import finding
+from towval.model.tracks import stretches
 from towval.tracking.noise import about_quadratics
 
 
@@ -49,9 +50,7 @@ class StampConstants:
 CONSTANTS = StampConstants()
 
 _SIDE = 4  # Pictures on each side of a step through which a cubic is laid.
-_TENTH = (
-    3.490  # Tenth of chi-squared with the eight degrees of freedom that such a cubic leaves of the two coordinates.
-)
+_TENTH = 3.490  # Tenth of chi-squared with the eight degrees of freedom that such a cubic leaves of two coordinates.
 _TENTH_ACROSS = 1.064  # The same with four, of one of the two.
 _ALTERNATION = 48 / 35  # Share of it by which each picture is beside the quadratic through five.
 _LEFT = 18 / 35  # Share of a picture's variance by which it is beside the quadratic through five.
@@ -72,6 +71,7 @@ def check_stamps(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], tuple[F
     share, moving = _shares(tracks, repeated)
     for _ in range(_ROUNDS):
         still = _common(share, moving) & (np.nanmax(np.abs(1 + share), axis=0, initial=0.0) < CONSTANTS.repeated)
+        still |= _made_up_for(tracks, ~repeated)
         if not still.any():
             break
         repeated[np.flatnonzero(~repeated)[1:][still]] = True
@@ -189,6 +189,46 @@ def _common(share: Array, moving: NDArray[np.bool_]) -> NDArray[np.bool_]:
     # Bodies agree to a share of the step itself, which may be several.
     alike = high - low < CONSTANTS.agree * np.maximum(1.0, np.abs(high))
     return np.asarray(some & alike & (np.minimum(np.abs(low), np.abs(high)) > CONSTANTS.jump))
+
+
+def _made_up_for(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Steps (n,) in which no body is seen to move, and which the next step makes up for.
+
+    A body that stood for so short a time goes on from where it is, but after a repeated picture it is where it would
+    have been: a cubic fits the pictures around it, however the velocity changes, and neither this one nor a halt. Other
+    bodies may rest all the time.
+    """
+    at_rest = np.ones(max(kept.sum() - 1, 0), dtype=np.bool_)
+    for track in tracks.values():
+        place = np.where(track.seen[kept, None], track.pose[kept, :2], np.nan)
+        step = np.linalg.norm(np.diff(place, axis=0), axis=1)
+        at_rest &= ~(step > CONSTANTS.creeps * np.sqrt(2) * _noise_m(track, kept))
+    time_s, made_up = next(iter(tracks.values())).time_s[kept], np.zeros(len(at_rest), dtype=bool)
+    runs = [(first + 1, last + 1) for first, last in stretches(at_rest) if last - first < _ROUNDS]
+    left = np.setdiff1d(np.arange(len(time_s)), [i for first, last in runs for i in range(first, last + 1)])
+    if len(left) < 2 * _SIDE:
+        return made_up
+    for first, last in runs:
+        starts = (first - _SIDE, len(time_s)), (int(np.searchsorted(left, first)) - _SIDE, len(left))
+        around, without = (min(max(at, 0), n - 2 * _SIDE) + np.arange(2 * _SIDE) for at, n in starts)
+        rows = np.array([around, left[without], left[without]])
+        times_s = time_s[rows]
+        times_s[2] -= np.where(rows[2] > last, time_s[last] - time_s[first - 1], 0.0)
+        unlike = np.zeros(3)
+        for track in tracks.values():
+            place = np.where(track.seen[kept, None], track.pose[kept, :2], np.nan)
+            unlike += np.nan_to_num(_misfit(times_s, place[rows], 0) / (2 * _SIDE * _noise_m(track, kept) ** 2))
+        made_up[first - 1 : last] = unlike[[0, 2]].min() > max(CONSTANTS.unlike, CONSTANTS.dropped * unlike[1])
+    return made_up
+    for first, last in runs:
+        starts = (first - _SIDE, len(time_s)), (int(np.searchsorted(left, first)) - _SIDE, len(left))
+        around, without = (min(max(at, 0), n - 2 * _SIDE) + np.arange(2 * _SIDE) for at, n in starts)
+        rows, unlike = np.array([around, left[without]]), np.zeros(2)
+        for track in tracks.values():
+            place = np.where(track.seen[kept, None], track.pose[kept, :2], np.nan)
+            unlike += np.nan_to_num(_misfit(time_s[rows], place[rows], 0) / (2 * _SIDE * _noise_m(track, kept) ** 2))
+        made_up[first - 1 : last] = unlike[0] > max(CONSTANTS.unlike, CONSTANTS.dropped * unlike[1])
+    return made_up
 
 
 def _goes_on(track: Track, kept: NDArray[np.bool_], jumps: NDArray[np.bool_], due: Array) -> bool:
