@@ -60,26 +60,36 @@ def test_a_body_that_goes_straight_has_no_say(name):
     assert [one.code for one in findings] == (["pictures_invented"] if name == "shown" else [])
 
 
-@pytest.mark.parametrize(("times_noise", "named"), [(1.5, False), (2.5, True)])
-def test_a_rhythm_below_the_noise_is_none(times_noise, named):
-    """A zigzag of four pictures a leg, whose turns are so many times the usual bend of noise."""
-    rover = _true_and_shown(4, 0)[0]["rover"]
-    std_m = np.sqrt(rover.covariance[0, 0, 0])
-    turn_m = times_noise * 1.1774 * np.sqrt(6) * std_m
-    steps = np.where(np.arange(len(EVEN)) // 4 % 2, turn_m / 2, -turn_m / 2)
-    pose = np.linspace(rover.pose[0], rover.pose[-1], len(EVEN))
-    pose[:, 1] += np.cumsum(steps)
-    assert bool(check_invented({"rover": replace(rover, pose=pose)})[1]) == named
+@pytest.mark.parametrize(("rhythm", "named"), [(2.0, False), (3.5, True)])
+def test_a_rhythm_tells_where_more_noise_is_stated_than_shows(rhythm, named):
+    """Stated deviations hold what wanders slowly, too."""
+    rover = _bending(rhythm)
+    assert bool(check_invented({"rover": replace(rover, covariance=1e6 * rover.covariance)})[1]) == named
+
+
+def test_a_body_that_moves_in_few_pictures_does_not_object():
+    """The object bends at random in the last seven pictures of each kind; the rover has a rhythm all the time."""
+    _, shown = _true_and_shown(4, 0, 2e-5)
+    towed, rng = shown["object"], np.random.default_rng(4)
+    pose = np.tile(towed.pose[-1], (len(EVEN), 1)) + 2e-5 * rng.standard_normal((len(EVEN), 3))
+    pose[-28:, 0] += np.cumsum(5e-3 + 2e-3 * rng.standard_normal(28))
+    tracks, findings = check_invented(shown | {"object": replace(towed, pose=pose)})
+    assert [one.code for one in findings] == ["pictures_invented"]
+    assert tracks["object"].covariance[-10, 0, 0] > 1e-6
 
 
 @pytest.mark.parametrize(("rhythm", "named"), [(2.0, False), (4.5, True)])
 def test_bends_that_are_three_times_those_between_make_a_rhythm(rhythm, named):
-    """A path whose every fourth bend is so many times as large as the others."""
+    assert bool(check_invented({"rover": _bending(rhythm)})[1]) == named
+
+
+def _bending(rhythm):
+    """A rover on a path whose every fourth bend is so many times as large as the others."""
     rover, n = _true_and_shown(4, 0)[0]["rover"], len(EVEN)
     sizes = 2e-3 * np.where(np.arange(n) % 4, 1.0, rhythm)
     pose = np.linspace([0.0, 0.0, 0.0], [0.02 * n, 0.0, 0.0], n)
     pose[:, 1] = np.cumsum(np.cumsum(sizes * np.tile([1.0, -1.0, -1.0, 1.0, 1.0], n)[:n]))
-    assert bool(check_invented({"rover": replace(rover, pose=pose)})[1]) == named
+    return replace(rover, pose=pose)
 
 
 def test_a_body_that_bends_at_other_pictures_objects():

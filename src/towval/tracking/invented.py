@@ -79,14 +79,15 @@ def _common_rhythm(bends: Sequence[tuple[Array, float]], period: int, phase: int
 
 
 def _rhythm(bend: Array, noise: float, period: int, phase: int) -> float | None:
-    """Median of the bends (n,) at every so-many-th picture over the largest of those at the others; None in noise."""
+    """Median of the bends (n,) at every so-many-th picture over the largest of those at the others; None where few show."""
     at = [bend[(phase + i) % period :: period] for i in range(period)]
     at = [one[np.isfinite(one)] for one in at]
     if min(len(one) for one in at) < CONSTANTS.least_bends:
-        return 0.0
+        return None
     # From the last invented picture to the next real one bodies leap by what the invention was off by.
     medians = [float(np.median(one)) for one in at]
-    if max(medians) < CONSTANTS.shown * noise:
+    # What is stated holds what wanders slowly, too.
+    if max(medians) < CONSTANTS.shown * min(noise, *medians):
         return None
     real, *between, _ = medians
     return real / max((*between, 1e-9))
