@@ -79,7 +79,7 @@ def _common_rhythm(bends: Sequence[tuple[Array, float]], period: int, phase: int
 
 
 def _rhythm(bend: Array, noise: float, period: int, phase: int) -> float | None:
-    """Median of the bends (n,) at every so-many-th picture over the largest of those at the others; None where few show."""
+    """Median of the bends (n,) at every so-many-th picture over the largest at the others; None where few show."""
     at = [bend[(phase + i) % period :: period] for i in range(period)]
     at = [one[np.isfinite(one)] for one in at]
     if min(len(one) for one in at) < CONSTANTS.least_bends:
