@@ -66,7 +66,7 @@ SWEEPS = (
         "an order of magnitude, hinge at rest length",
         "3.2, Fig. 6(b)",
         "Feedforward and feedback differ by “an order of magnitude” at 5.1e-3 m/s.",
-        "Their ratio, rounded to a power of ten, is 10.",
+        "Their ratio is from 3.2 to 32: to a power of ten it is 10.",
         model_checks.order_of_magnitude("feedback_at_rest_length_rms_m"),
         STRETCH + " The ratio is that of our assumed stiffness.",
         ClaimClass.TUNED,
@@ -76,7 +76,7 @@ SWEEPS = (
         "an order of magnitude, hinge at stretched length",
         "3.2, Fig. 6(b)",
         "Feedforward and feedback differ by “an order of magnitude” at 5.1e-3 m/s.",
-        "Their ratio, rounded to a power of ten, is 10.",
+        "Their ratio is from 3.2 to 32: to a power of ten it is 10.",
         model_checks.order_of_magnitude("feedback_rms_m"),
         STRETCH,
         takes="The authors' κ.",
@@ -104,8 +104,8 @@ SWEEPS = (
             "3.2, Fig. 6(c)",
             "Larger κ leads to “higher computational time. This indicates that a certain numerical stiffness exists in "
             "the model.”",
-            "The integrator's steps grow from each stiffness to the next, and the time from the least to the greatest "
-            "by a fifth or more.",
+            "The greatest stiffness takes more of the integrator's steps than any other, and a fifth or more above the "
+            "time of the least.",
             model_checks.stiffer_is_slower(name),
             note,
         )
@@ -113,13 +113,14 @@ SWEEPS = (
             (
                 "rest",
                 "feedback_at_rest_length",
-                "The tether starts unstretched, and the object swings until the stretch is there. The steps grow from "
-                "1e4 N/m on alone; the time is larger at the greatest stiffness than at the least.",
+                "Not at every stiffness: the tether starts unstretched, and the object swings until the stretch is "
+                "there; the steps grow from 1e4 N/m on alone.",
             ),
             (
                 "stretched",
                 "feedback",
-                "The steps grow from 316 N/m on; the softest tether, which stretches by 0.17 m, takes more than that.",
+                "Not at every stiffness: the steps grow from 316 N/m on; the softest tether, which stretches by "
+                "0.17 m, takes more than that.",
             ),
         )
     ),

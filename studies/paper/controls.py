@@ -223,6 +223,13 @@ CONTROLS = (
         "towing along a path works", "the rover is led along the object's path", _NOMINAL, planted.hinge_on_the_object,
         ("thresholds",),
     ),
+    *(
+        Control(
+            f"stiffer is slower, hinge at {place} length", "the stiffness asked for is not heeded",
+            _names(dynamics, "replace"), planted.stiffness_not_heeded, ("stiffnesses",),
+        )
+        for place in ("rest", "stretched")
+    ),
 )  # fmt: skip
 """A control a claim whose check can hold."""
 
@@ -236,13 +243,6 @@ OPPOSITES = (
             ("an order of magnitude, hinge at stretched length", "time_steps"),
             ("stiffer is closer, hinge at stretched length", "stiffnesses"),
         )
-    ),
-    *(
-        Control(
-            f"stiffer is slower, hinge at {place} length", "every tether is ten times as stiff",
-            _names(dynamics, "replace"), planted.stiffness_times_ten, ("stiffnesses",),
-        )
-        for place in ("rest", "stretched")
     ),
     Control(
         "differentiability of the friction law", "the law with a kink jumps at rest", _names(law_shapes, "kinked"),

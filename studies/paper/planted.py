@@ -210,9 +210,9 @@ def hundred_times_stiffer(original: Callable[..., Any]) -> Callable[..., Any]:
     return motion
 
 
-def stiffness_times_ten(original: Callable[..., Any]) -> Callable[..., Any]:
-    """A tether is given ten times the stiffness asked for."""
-    return lambda tether, stiffness: original(tether, stiffness=10 * stiffness)
+def stiffness_not_heeded(original: Callable[..., Any]) -> Callable[..., Any]:
+    """A tether keeps the stiffness that it has, whatever is asked for."""
+    return lambda tether, stiffness: original(tether)
 
 
 def tighter_by(factor: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
