@@ -1,15 +1,17 @@
 """Faults of cameras, planted into footage whose truth is known, and how each ended.
 
     python -m studies.tables.camera_faults [--quick] [--poses] [--longer 0.04] [--footage FOLDER:RUN:SECONDS]
-                                         [--faults creep dropped]
+                                         [--faults creep dropped] [--tows 7700:10]
 
 ``--footage FOLDER:RUN:SECONDS`` for each run. A cell is one fault at one strength in one run; the row that is printed
-for a fault gives, for each strength, the worst over the runs.
+for a fault gives, for each strength, the worst over the runs. ``--tows FIRST:COUNT`` takes synthetic tows of so many
+seeds instead: then a row counts, for each strength, how the tows ended.
 """
 
 import argparse
 import tempfile
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -17,7 +19,8 @@ from typing import Any
 import pandas as pd
 
 from studies.camera_faults.faults import FAULTS, Fault
-from studies.camera_faults.trial import footage, tried
+from studies.camera_faults.tows import filmed_tow
+from studies.camera_faults.trial import Footage, footage, tried
 from towval.commands import calibrate
 from towval.commands.console import errors_reported
 
@@ -26,19 +29,40 @@ _ORDER = ("corrected", "covered", "reported", "silently wrong")
 
 
 def rows(
-    campaign: Path, run: str, seconds: float, faults: Sequence[Fault], strengths: Sequence[int], **how: Any
+    source: Footage, camera: Path, faults: Sequence[Fault], strengths: Sequence[int], **how: Any
 ) -> Iterator[dict[str, object]]:
     """A row a cell; ``how`` as :func:`tried` takes it."""
+    for fault in faults:
+        for i in strengths:
+            with tempfile.TemporaryDirectory() as folder:
+                result = tried(source, fault, fault.strengths[i], Path(folder), camera, **how)
+            cell = {"footage": source.name, "fault": fault.name, "strength": fault.strengths[i], "unit": fault.unit}
+            yield cell | asdict(result)
+
+
+@contextmanager
+def filmed(entry: str) -> Iterator[tuple[Footage, Path]]:
+    """The footage of ``FOLDER:RUN:SECONDS``, and the calibration of its camera."""
+    folder, run, seconds = entry.split(":")
     with tempfile.TemporaryDirectory() as scratch:
         camera = Path(scratch) / "camera.mcap"
-        calibrate.run(campaign, camera)
-        source = footage(campaign, run, seconds, camera)
-        for fault in faults:
-            for i in strengths:
-                with tempfile.TemporaryDirectory() as folder:
-                    result = tried(source, fault, fault.strengths[i], Path(folder), camera, **how)
-                cell = {"footage": source.name, "fault": fault.name, "strength": fault.strengths[i], "unit": fault.unit}
-                yield cell | asdict(result)
+        calibrate.run(Path(folder), camera)
+        yield footage(Path(folder), run, float(seconds), camera), camera
+
+
+def counted(table: pd.DataFrame) -> str:
+    """How the poses of all tows ended, as a table in Markdown: a row a fault and strength."""
+    lines = ["| fault | " + " | ".join(_ORDER) + " | off, median | findings |", "|---" * (len(_ORDER) + 3) + "|"]
+    for (fault, strength, unit), own in table.groupby(["fault", "strength", "unit"], sort=False):
+        counts = own.poses.value_counts()
+        cells = [str(counts.get(outcome, 0) or "") for outcome in _ORDER]
+        off = f"{own.rms_mm.median():.1f} mm" if own.rms_mm.notna().any() else "refused"
+        often = own.codes.explode().value_counts()
+        codes = [code for code, count in often.items() if count >= len(own) / 2]
+        lines.append(
+            f"| {fault}, {strength:g} {unit}".strip() + f" | {' | '.join(cells)} | {off} | {', '.join(codes)} |"
+        )
+    return "\n".join(lines)
 
 
 def printed(table: pd.DataFrame) -> str:
@@ -71,6 +95,7 @@ def main() -> None:
     """Plant the faults, write a row a cell, and print the map."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--footage", nargs="+", default=[_SAMPLE], metavar="FOLDER:RUN:SECONDS")
+    parser.add_argument("--tows", metavar="FIRST:COUNT", help="synthetic tows, by their seeds, instead of footage")
     parser.add_argument("--faults", nargs="+", choices=[fault.name for fault in FAULTS], metavar="FAULT")
     parser.add_argument("--quick", action="store_true", help="the middle strength alone")
     parser.add_argument("--poses", action="store_true", help="no verdict, which takes most of the time")
@@ -82,16 +107,17 @@ def main() -> None:
     faults = [fault for fault in FAULTS if not given.faults or fault.name in given.faults]
     given.out.parent.mkdir(parents=True, exist_ok=True)
     cells: list[dict[str, object]] = []
-    for entry in given.footage:
-        folder, run, seconds = entry.split(":")
-        strengths = [1] if given.quick else [0, 1, 2]
-        how = {"judged": not given.poses, "longer_m": given.longer}
-        for cell in rows(Path(folder), run, float(seconds), faults, strengths, **how):
-            cells.append(cell)
-            pd.DataFrame(cells).to_csv(given.out, index=False)
-            print("  ".join(f"{value:.2f}" if isinstance(value, float) else f"{value}" for value in cell.values()),
-                  flush=True)  # fmt: skip
-    print(printed(pd.DataFrame(cells)))
+    first, count = map(int, given.tows.split(":")) if given.tows else (0, 0)
+    sources = [filmed_tow(first + i) for i in range(count)] or [filmed(entry) for entry in given.footage]
+    strengths, how = [1] if given.quick else [0, 1, 2], {"judged": not given.poses, "longer_m": given.longer}
+    for source in sources:
+        with source as (footage_of, camera):
+            for cell in rows(footage_of, camera, faults, strengths, **how):
+                cells.append(cell)
+                pd.DataFrame(cells).to_csv(given.out, index=False)
+                print("  ".join(f"{value:.2f}" if isinstance(value, float) else f"{value}" for value in cell.values()),
+                      flush=True)  # fmt: skip
+    print((counted if count else printed)(pd.DataFrame(cells)))
 
 
 if __name__ == "__main__":

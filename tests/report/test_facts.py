@@ -79,7 +79,7 @@ def test_scale_and_motion_of_the_camera_are_stated():
     assert dict(tracking_facts(of_still))["camera: its own motion"] == (
         "none found (picture shifted by 0 ± 0.042 px); nothing corrected"
     )
-    assert said["camera: stamps"] == "1 pictures repeated and left out, 2 stamps contradicted, of 200"
+    assert said["camera: stamps"] == "1 repeated, 2 contradicted, of 200"
     assert scale_facts((watched, run)) == (("Tops in run a, measured − stated size", "−0.33 ± 0.11 %"),)
     board = {"board_size_percent": 0.021, "board_size_std_percent": 0.05, "board_bow_mm": -0.5, "board_bow_std_mm": 0.0}
     known = dict(calibration_facts(replace(full, quality=full.quality | board)))

@@ -169,6 +169,38 @@ def test_shares_are_sorted_and_in_per_cent(run):
     np.testing.assert_allclose([bar.get_width() for bar in axes.patches], [60, 25, 10])
 
 
+def test_small_shares_are_one_row_and_what_no_input_explains_is_the_last(run):
+    shares = {"a": 0.002, "noise and interactions": 0.5, "b": 0.3, "c": 0.19, "d": 0.008}
+    known = dataclasses.replace(run, uncertainty=dataclasses.replace(uncertainty_of(run), shares=shares))
+    axes = figures.shares_figure([known]).axes[0]
+    names = [label.get_text() for label in axes.get_yticklabels()]
+    assert names == ["b", "c", "2 others together", "noise and interactions"]
+    np.testing.assert_allclose([bar.get_width() for bar in axes.patches], [30, 19, 1, 50])
+    colours = [bar.get_facecolor() for bar in axes.patches]
+    assert colours[0] == colours[2] != colours[3]
+    del shares["a"]
+    assert "d" in [label.get_text() for label in figures.shares_figure([known]).axes[0].get_yticklabels()]
+
+
+def test_a_rejected_run_says_so_where_its_error_is_drawn(run):
+    known = dataclasses.replace(run, uncertainty=uncertainty_of(run))
+    assert (
+        figures.agreement_figure(known).axes[0].get_title() == f"Run {run.name}: error, with its validation uncertainty"
+    )
+    tests = dataclasses.replace(known.comparison, shape_statistic=9.0, shape_limit=4.0)
+    rejected = dataclasses.replace(known, comparison=tests)
+    assert figures.agreement_figure(rejected).axes[0].get_title() == f"Run {run.name}: error, rejected by its shape"
+
+
+def test_axes_of_deviations_are_logarithmic_where_a_few_hide_the_others(run):
+    track = run.rover_track
+    assert figures.tracking_figure(track).axes[2].get_yscale() == "linear"
+    covariance = track.covariance.copy()
+    covariance[7, 0, 0] *= 1e4
+    axes = figures.tracking_figure(dataclasses.replace(track, covariance=covariance)).axes
+    assert [axes[k].get_yscale() for k in (2, 3)] == ["log", "linear"]
+
+
 def test_words_of_the_shares_are_whole_and_apart(run):
     """With the longest names: within the figure, and the legend beside them."""
     names = ["noise and interactions", *(row.label for row in INPUTS.values())]
@@ -315,13 +347,13 @@ def test_the_camera_figure_draws_what_was_corrected(run):
     figure = figures.camera_figure(moved)
     camera = moved.rover_track.camera
     shift, turn, growth, strip = figure.axes
-    np.testing.assert_array_equal(line(shift, SIMULATED, 0.8).get_ydata(), camera.picture[:, 0])
-    np.testing.assert_array_equal(line(shift, ROVER, 0.8).get_ydata(), camera.picture[:, 1])
-    np.testing.assert_allclose(line(turn, SIMULATED, 0.8).get_ydata(), np.rad2deg(camera.picture[:, 2]))
-    np.testing.assert_allclose(line(growth, SIMULATED, 0.8).get_ydata(), 100 * camera.picture[:, 3])
+    np.testing.assert_array_equal(line(shift, SIMULATED, 0.6).get_ydata(), camera.picture[:, 0])
+    np.testing.assert_array_equal(line(shift, ROVER, 1.6).get_ydata(), camera.picture[:, 1])
+    np.testing.assert_allclose(line(turn, SIMULATED, 0.6).get_ydata(), np.rad2deg(camera.picture[:, 2]))
+    np.testing.assert_allclose(line(growth, SIMULATED, 0.6).get_ydata(), 100 * camera.picture[:, 3])
     assert len(strip.patches) >= 2
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert texts == ["as written (198)", "repeated (1)", "contradicted (1)"]
+    assert texts == ["as written (198)", "repeated (1)", "contradicted (1)", "band: ± 2 standard deviations"]
 
 
 def test_a_camera_that_nothing_is_known_of_has_no_figure(run):

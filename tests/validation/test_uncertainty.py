@@ -12,6 +12,7 @@ from towval.model import Camera, CameraTrack, Floor, Tether, Verdict
 from towval.model.errors import InputError, RefusedError
 from towval.model.geometry import pose_difference, rigid_fit, transform
 from towval.model.presets import PRESETS, settings_of
+from towval.model.results import UNEXPLAINED
 from towval.optics.projection import project, to_plane
 from towval.physics.dynamics import Outcome
 from towval.selection.draws import sample_selecting
@@ -19,7 +20,7 @@ from towval.validation import scene_model, uncertainty
 from towval.validation.compare import compare
 from towval.validation.path_frame import OnPath
 from towval.validation.sampler import Sampler, UncertaintySettings, _motions
-from towval.validation.shares import REST, variance_shares
+from towval.validation.shares import variance_shares
 from towval.validation.simulate import SimulateSettings, simulate
 from towval.validation.simulate_many import Drawn
 from towval.validation.uncertainty import BOUND_ERROR, DRAWS, UncertaintySampling, _main_input, sample_uncertainty
@@ -50,13 +51,13 @@ def test_shares_of_few_draws_are_those_of_many():
     # Variances 4, 1 and 5 of ten; what is negative by chance counts as zero, so idle inputs keep a little.
     assert mean["first"] == pytest.approx(0.4, abs=0.05)
     assert mean["second"] == pytest.approx(0.1, abs=0.03)
-    assert mean[REST] == pytest.approx(0.5, abs=0.06)
+    assert mean[UNEXPLAINED] == pytest.approx(0.5, abs=0.06)
 
 
 def test_of_no_more_draws_than_coefficients_nothing_is_an_inputs():
     draws = np.random.default_rng(0).standard_normal((64, 40))
     shares = variance_shares(draws, 3 * draws[:, :1], {"first": 1, "idle": 39})
-    assert shares == {"first": 0.0, "idle": 0.0, REST: 1.0}
+    assert shares == {"first": 0.0, "idle": 0.0, UNEXPLAINED: 1.0}
     assert list(_main_input(shares)) == []
 
 
@@ -206,7 +207,7 @@ def test_without_deviations_nothing_is_uncertain(case):
     # What is left is the integration, with a tolerance of 1e-6 m a step for the draws and 1e-7 m for the nominal run.
     assert np.sqrt(np.trace(uncertainty.validation[:, :2, :2], axis1=1, axis2=2)).max() < 1e-5
     assert np.sqrt(uncertainty.validation[:, 2, 2].max()) < 1e-4
-    assert not any(share for name, share in uncertainty.shares.items() if name != REST)
+    assert not any(share for name, share in uncertainty.shares.items() if name != UNEXPLAINED)
 
 
 def test_a_longer_tether_is_found(case):
@@ -302,11 +303,11 @@ def test_a_motion_that_is_not_of_a_run_is_an_input_error(case):
 
 
 def test_the_main_input_is_named():
-    (found,) = _main_input({"friction": 0.6, "stiffness": 0.1, REST: 0.3})
+    (found,) = _main_input({"friction": 0.6, "stiffness": 0.1, UNEXPLAINED: 0.3})
     assert found.code == "main_input"
     assert found.text.startswith("60 %")
     assert found.text.endswith("friction.")
-    assert list(_main_input({"friction": 0.0, REST: 0.0})) == []
+    assert list(_main_input({"friction": 0.0, UNEXPLAINED: 0.0})) == []
 
 
 def test_few_draws_that_fail_are_left_out_and_counted(case):

@@ -12,6 +12,8 @@ from towval.model.statement import Bounds, Draws, Explanation, Verdict, VisibleF
 
 STICKING = "sticking"
 """Name of the statistic of a simulation that is 1 where the model sticks, else 0."""
+UNEXPLAINED = "noise and interactions"
+"""Share of an error's variance that no input explains alone."""
 
 TO_DYNAMICS = " to dynamics, m"
 """End of the names of the statistics that say how far the path of a simpler model is from that of the dynamics."""

@@ -97,7 +97,8 @@ _CAMPAIGN = {
     "fig10": CampaignFigure(
         "campaign",
         "all runs on the floor at one scale",
-        "Outlines: object at equal arc length, rover at its start and end. Gaps: frames without a pose.",
+        "Outlines: object at equal arc length, rover at its start and end. Gaps: frames without a pose. Errors "
+        "narrower than a line, in large runs some centimetres, do not show here: see the plots of each run.",
         draw=lambda data: figures.campaign_figure(data.records),
     ),
     "repeats": CampaignFigure(
@@ -112,7 +113,8 @@ _CAMPAIGN = {
         "uncertainty",
         "shares of the error's variance by input",
         "First-order shares of the variance of simulated minus measured position by uncertain input; bars: mean of the "
-        "runs, marks: single runs. The inputs with the largest shares are worth measuring better.",
+        "runs, marks: single runs. The inputs with the largest shares are worth measuring better; grey is what no "
+        "input explains alone.",
         draw=lambda data: figures.shares_figure(data.records),
     ),
     "calibration_coverage": CampaignFigure(
@@ -126,14 +128,15 @@ _CAMPAIGN = {
         "calibration",
         "standard deviation of a position over the image",
         "Standard deviation of a position on the plane of the planar target, from the covariance of the calibration "
-        "and the deviation of the target's height, without the error of the lens model.",
+        "and the deviation of the target's height, without the error of the lens model. Drive where it is light.",
         draw=_uncertainty_map,
     ),
     "calibration_reprojection": CampaignFigure(
         "calibration",
         "reprojection error and tilt of each view",
         "Reprojection error and tilt of each view: held boards as blue circles, boards on the floor as green squares. "
-        "Views without tilt do not determine the focal length.",
+        "Views without tilt do not determine the focal length: the advised tilts are shaded. The dashed line is what "
+        "corner noise makes on average, so some views are beyond it; those that do not fit are dropped and named.",
         draw=_of_calibration(figures.reprojection_figure),
     ),
 }
@@ -148,7 +151,7 @@ _RUN = {
         "details",
         "errors in x, y and heading and tension of the tether over time",
         "Simulated minus measured in the floor frame, and the tension of the tether. Bands, where uncertainties were "
-        "computed: ± two standard validation uncertainties.",
+        "computed: ± two standard validation uncertainties; an error that stays outside is not explained by them.",
         draw=figures.error_figure,
         cursor="time",
         describe=_last_error,
@@ -156,8 +159,9 @@ _RUN = {
     "agreement": RunFigure(
         "run",
         "error along and across the path and its ratio to the validation uncertainty over time",
-        "Error along and across the path with the same bands. Bottom: distance between simulated and measured position "
-        "over its standard uncertainty; what stays below two is explained by the uncertainties.",
+        "Error along and across the path, bands: ± two standard validation uncertainties. Bottom: distance between "
+        "simulated and measured position over its standard uncertainty. What stays above two the uncertainties do not "
+        "explain; below two they may, but the verdict also tests the error's shape over time and the inputs.",
         draw=figures.agreement_figure,
         cursor="time",
     ),

@@ -251,7 +251,7 @@ def _stamps_facts(track: Track) -> Facts:
     if track.camera is None:
         return ()
     repeated, contradicted = (int((track.camera.stamps == s).sum()) for s in (Stamp.REPEATED, Stamp.CONTRADICTED))
-    text = f"{repeated} pictures repeated and left out, {contradicted} stamps contradicted, of {len(track.time_s)}"
+    text = f"{repeated} repeated, {contradicted} contradicted, of {len(track.time_s)}"
     return (("camera: stamps", text),)
 
 

@@ -4,9 +4,7 @@ import numpy as np
 from scipy.linalg import lstsq
 
 from towval.model import Array
-
-REST = "noise and interactions"
-"""What no input explains alone."""
+from towval.model.results import UNEXPLAINED
 
 
 def variance_shares(draws: Array, outputs: Array, inputs: dict[str, int]) -> dict[str, float]:
@@ -26,7 +24,7 @@ def variance_shares(draws: Array, outputs: Array, inputs: dict[str, int]) -> dic
     outputs = outputs - outputs.mean(axis=0)
     basis = np.concatenate([np.ones((k, 1)), draws, (draws**2 - 1) / np.sqrt(2)], axis=1)
     if k <= basis.shape[1]:
-        return {**dict.fromkeys(inputs, 0.0), REST: float(outputs.any())}
+        return {**dict.fromkeys(inputs, 0.0), UNEXPLAINED: float(outputs.any())}
     coefficients, *_ = lstsq(basis, outputs, lapack_driver="gelsy")
     residual = float(np.sum((outputs - basis @ coefficients) ** 2)) / (k - basis.shape[1])
     noise = residual * np.diag(np.linalg.inv(basis.T @ basis))[1:]
@@ -36,5 +34,5 @@ def variance_shares(draws: Array, outputs: Array, inputs: dict[str, int]) -> dic
     parts = [max(0.0, float(by_column[i : i + width].sum())) for i, width in zip(starts, inputs.values(), strict=True)]
     total = sum(parts) + residual
     if total == 0:
-        return dict.fromkeys([*inputs, REST], 0.0)
-    return dict(zip([*inputs, REST], [part / total for part in (*parts, residual)], strict=True))
+        return dict.fromkeys([*inputs, UNEXPLAINED], 0.0)
+    return dict(zip([*inputs, UNEXPLAINED], [part / total for part in (*parts, residual)], strict=True))

@@ -19,6 +19,7 @@ from towval.model.errors import InputError, RefusedError, TowvalError
 from towval.model.findings import finding
 from towval.model.geometry import pose_difference
 from towval.model.inputs import INPUTS
+from towval.model.results import UNEXPLAINED
 from towval.model.statement import Draws
 from towval.physics.ladder import DYNAMICS
 from towval.validation.consequences import WIDER, widened
@@ -27,7 +28,7 @@ from towval.validation.explain import Left, Moves, explain
 from towval.validation.faults import Acts, Drawing, visible_faults
 from towval.validation.path_frame import OnPath
 from towval.validation.sampler import Case, Sampler, UncertaintySettings
-from towval.validation.shares import REST, variance_shares
+from towval.validation.shares import variance_shares
 from towval.validation.simulate_many import Batch, Drawn
 from towval.validation.statistics import RightModel, error_sizes
 
@@ -344,7 +345,7 @@ def _acted(act: Acts, drawn: Drawn | None) -> Drawn | None:
 
 
 def _main_input(shares: dict[str, float]) -> Iterator[Finding]:
-    named = {name: share for name, share in shares.items() if name != REST}
+    named = {name: share for name, share in shares.items() if name != UNEXPLAINED}
     if any(named.values()):
         first = max(named, key=lambda name: named[name])
         yield finding("main_input", percent=100 * named[first], label=first)

@@ -6,6 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MultipleLocator
 
 from towval.model import Array, Calibration, UncertaintyMap, View
 from towval.report.style import (
@@ -22,9 +23,10 @@ from towval.report.style import (
 )
 from towval.report.wording import decimal
 
+_ADVISED_TILT_DEG = (20, 40)
 # Length of a large residual (95th percentile) in the picture, as a share of the image's width.
 _ARROW_SHARE = 0.02
-_FLOOR = "#2c8a4b"
+_FLOOR = "#7fc4a0"
 _CLEAR = {"facecolor": "white", "edgecolor": "none", "pad": 0.3}
 
 
@@ -59,7 +61,7 @@ def reprojection_figure(calibration: Calibration) -> Figure:
     """Root mean square reprojection error and tilt of each view; dropped views are labelled with the reason.
 
     One row per view, one column wide: errors [px] on the left with the corner noise of all views, tilts between board
-    and image plane [°] on the right. Views without tilt do not determine the focal length.
+    and image plane [°] on the right, the advised ones shaded. Views without tilt do not determine the focal length.
     """
     views = calibration.views
     margins = Margins(left=0.2 + 0.052 * max((len(_shown(view.name)) for view in views), default=0), bottom=0.53)
@@ -90,6 +92,8 @@ def reprojection_figure(calibration: Calibration) -> Figure:
     errors.set_ylim(len(views) - 0.4, -0.6)
     errors.set_xlim(left=0)
     errors.set_xlabel("reprojection error, RMS (px)")
+    tilts.axvspan(*_ADVISED_TILT_DEG, color=SHADE, linewidth=0, zorder=0)
+    tilts.xaxis.set_major_locator(MultipleLocator(20))
     tilts.set_xlabel("tilt (°)")
     tilts.set_xlim(left=0)
     kinds = (("o", ROVER, "held boards"), ("s", _FLOOR, "boards on the floor"))
@@ -139,7 +143,7 @@ def _draw_residuals(axes: Axes, calibration: Calibration, used: list[View]) -> f
     ends = corners + factor * residuals
     gaps = np.full(len(corners), np.nan)
     u, v = (np.stack([corners[:, i], ends[:, i], gaps], axis=1).ravel() for i in (0, 1))
-    axes.plot(u, v, color=MEASURED, linewidth=0.45, label="residual")
+    axes.plot(u, v, color="black", linewidth=0.45, label="residual")
     return factor
 
 

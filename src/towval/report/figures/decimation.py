@@ -1,6 +1,5 @@
 """Points of the rover's track that drive the simulation."""
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -30,21 +29,27 @@ def decimate_figure(run: RunRecord) -> Figure | None:
     """Measured and kept positions of the hinge, and the distance of the measured poses from the smoothing curve.
 
     One column wide. Top: path of the hinge on the floor [m]; below, over time [s]: measured minus smoothed in x and y
-    [mm] with a band of ± two standard deviations of one pose, pauses shaded, kept times ticked at the bottom. None
+    [mm] with a band of ± two standard deviations of one pose, pauses shaded, above a strip of the kept times. None
     where the run was not decimated.
     """
     if run.decimated is None:
         return None
     title = f"Run {run.name}: path of the hinge; Δ: measured minus smoothed"
-    figure, (plan, *over_time) = column_of_panels([1.5, 0.62, 0.62], Margins(top=0.4, bottom=0.53), title, apart=1)
+    figure, (plan, *over_time, kept) = column_of_panels(
+        [1.5, 0.62, 0.62, 0.12], Margins(top=0.4, bottom=0.53), title, apart=1
+    )
     _draw_plan(plan, run, run.decimated)
     head_legend(figure, plan.lines, columns=2)
     figure.legends[0].get_lines()[0].set_markersize(5)
     for axes, column, name in zip(over_time, (0, 1), "xy", strict=True):
         _draw_misfit(axes, run.rover_track, run.decimated, column)
         axes.set_ylabel(rf"$\Delta {name}$ (mm)")
-    over_time[-1].set_xlabel("time (s)")
-    over_time[-1].set_xlim(run.rover_track.time_s[0], run.rover_track.time_s[-1])
+    kept.vlines(run.decimated.time_s, 0, 1, color=MEASURED, linewidth=0.5)
+    kept.set_ylim(0, 1)
+    kept.set_yticks([])
+    kept.grid(visible=False)
+    kept.set_xlabel("time (s)")
+    kept.set_xlim(run.rover_track.time_s[0], run.rover_track.time_s[-1])
     foot_legend(figure, _marks(paused=len(run.decimated.pauses) > 0), columns=3)
     return figure
 
@@ -75,6 +80,3 @@ def _draw_misfit(axes: Axes, track: Track, decimated: DecimatedTrack, column: in
     axes.axhspan(-bound, bound, color=BAND, alpha=0.6, linewidth=0, zorder=1)
     axes.plot(time_s, misfit, ".", color="#333333", markersize=1.8, markeredgewidth=0, zorder=3)
     symmetric(axes)
-    foot = np.full(len(decimated.time_s), 0.0)
-    transformed = axes.get_xaxis_transform()
-    axes.plot(decimated.time_s, foot, "|", color=MEASURED, markersize=6, mew=0.5, transform=transformed, zorder=4)

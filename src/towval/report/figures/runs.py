@@ -164,7 +164,8 @@ def map_axes(axes: Axes, low: Array, high: Array) -> None:
 def _error_text(comparison: Comparison) -> str:
     if not np.isfinite(comparison.path_rms_m):
         return "error not computed"
-    return f"RMS {millimetres(comparison.path_rms_m)}, max {millimetres(comparison.path_max_m)}"
+    errors = f"RMS {millimetres(comparison.path_rms_m)}, max {millimetres(comparison.path_max_m)}"
+    return f"{comparison.verdict.value}: {errors}"
 
 
 def _legend_handles() -> list[Line2D]:

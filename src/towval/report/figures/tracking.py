@@ -31,6 +31,7 @@ _STAMP_COLOURS = {Stamp.AS_WRITTEN: BAND, Stamp.REPEATED: "#f2b84b", Stamp.CONTR
 
 _Kind = TypeVar("_Kind", bound=IntEnum)
 
+_WIDE = 20  # Largest deviation of a pose over the median one, from which on their axes are logarithmic.
 _RESIDUAL_UNITS = {"klt": " (px)", "plane": " (grey)"}
 
 
@@ -40,7 +41,7 @@ def tracking_figure(track: Track, run: str = "") -> Figure:
 
     Five panels over one time axis [s], one column wide: residual [px or grey levels, depending on the method], inliers
     [%], standard deviation of position [mm] and heading [°] from the noise of the frame alone, status. ``run`` is the
-    name of the run for the title.
+    name of the run for the title. Axes of deviations are logarithmic where a few are far larger than the others.
     """
     title = f"Run {run}: tracking of the {track.body}" if run else f"Tracking of the {track.body}"
     heights = [0.7, 0.7, 0.7, 0.7, 0.15]
@@ -58,12 +59,22 @@ def tracking_figure(track: Track, run: str = "") -> Figure:
     panels[3].set_ylabel(r"$\sigma$ heading (°)")
     for axes in (panels[0], *panels[2:4]):
         axes.set_ylim(bottom=0, top=1.35 * axes.get_ylim()[1])
+    for axes, columns in ((panels[2], slice(2)), (panels[3], slice(2, 3))):
+        known = track.std[:, columns][track.std[:, columns] > 0]
+        # A few frames that are far less certain would hide how all others are.
+        if len(known) and known.max() > _WIDE * np.median(known):
+            axes.set_yscale("log")
+            low, high = (float(np.rad2deg(1.0)) if columns == slice(2, 3) else 1e3) * np.array(
+                [known.min(), known.max()]
+            )
+            axes.set_ylim(low / 1.5, 4 * high)
     foot_legend(figure, _draw_strip(panels[4], track.time_s, track.status, _STATUS_COLOURS), columns=3)
     panels[4].set_xlabel("time (s)")
     panels[0].set_xlim(track.time_s[0], track.time_s[-1])
     return figure
 
 
+_BAND_SWATCH = Swatch(color=BAND, linewidth=0, label="band: ± 2 standard deviations")
 _LEAST_RANGES = {"shift (px)": 0.06, "turn (°)": 0.012, "growth (%)": 0.012}
 """Panels of the camera's motion and what their axes span to either side at least: a tripod's is nothing to look at."""
 
@@ -80,7 +91,7 @@ def camera_figure(run: RunRecord) -> Figure | None:
     if camera is None or not (camera.registered.any() or camera.stamps.any()):
         return None
     title = f"Run {run.name}: the camera's own motion"
-    figure, panels = column_of_panels([0.8, 0.6, 0.6, 0.15], Margins(bottom=0.53), title)
+    figure, panels = column_of_panels([0.8, 0.6, 0.6, 0.15], Margins(bottom=0.68), title)
     _draw_motion(panels[0], time_s, camera, 1, 1.0, "$v$", ROVER)
     _draw_motion(panels[0], time_s, camera, 0, 1.0, "$u$", SIMULATED)
     _draw_motion(panels[1], time_s, camera, 2, float(np.rad2deg(1.0)), "", SIMULATED)
@@ -92,9 +103,9 @@ def camera_figure(run: RunRecord) -> Figure | None:
     low, high = panels[0].get_ylim()
     panels[0].set_ylim(top=high + 0.35 * (high - low))  # room for the legend
     panels[0].legend(loc="upper right", ncols=2)
-    strip = _draw_strip(panels[3], time_s, camera.stamps, _STAMP_COLOURS)
+    strip = [*_draw_strip(panels[3], time_s, camera.stamps, _STAMP_COLOURS), _BAND_SWATCH]
     panels[3].set_ylabel("stamps", rotation=0, ha="center", va="center", fontsize=7)
-    foot_legend(figure, strip, columns=3)
+    foot_legend(figure, strip, columns=2)
     panels[3].set_xlabel("time (s)")
     panels[0].set_xlim(time_s[0], time_s[-1])
     return figure
@@ -103,10 +114,10 @@ def camera_figure(run: RunRecord) -> Figure | None:
 def _draw_motion(
     axes: Axes, time_s: Array, camera: CameraTrack, column: int, scale: float, label: str, colour: str
 ) -> None:
-    """Draw one component of the picture's motion with its band."""
+    """Draw one component of the picture's motion with its band; a coloured one is seen below a black one."""
     value, half = scale * camera.picture[:, column], COVERAGE * scale * camera.picture_std[:, column]
     axes.fill_between(time_s, value - half, value + half, color=BAND, linewidth=0, zorder=1.5)
-    axes.plot(time_s, value, color=colour, linewidth=0.8, label=label)
+    axes.plot(time_s, value, color=colour, linewidth=0.6 if colour == SIMULATED else 1.6, label=label)
 
 
 def _draw_strip(axes: Axes, time_s: Array, values: NDArray[np.uint8], colours: Mapping[_Kind, str]) -> list[Swatch]:
