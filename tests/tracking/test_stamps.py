@@ -74,17 +74,25 @@ def test_dropped_pictures_are_found_where_a_deviation_holds_what_wanders_slowly(
     assert codes(unsure(filmed(EVEN, EVEN, seed=seed))) == []
 
 
+def shown_so(shown, deviations):
+    """Both bodies without noise, whose steps are so many stated deviations where they move at 0.127 m/s."""
+    stated = np.diag([(0.127 / 25 / deviations) ** 2] * 2 + [1e-9])
+    tracks = filmed(EVEN, EVEN, shown, noise_m=0.0)
+    return {name: replace(track, covariance=np.tile(stated, (250, 1, 1))) for name, track in tracks.items()}
+
+
 @pytest.mark.parametrize(("deviations", "told"), [(1.2, False), (2.4, True)])
 def test_steps_of_a_motion_without_noise_are_compared_with_a_share_of_what_is_stated(deviations, told):
-    """Both bodies move at 0.127 m/s where the picture is repeated."""
     shown = np.arange(250)
     shown[49] = 48
-    stated = np.diag([(0.127 / 25 / deviations) ** 2] * 2 + [1e-9])
-    tracks = {
-        name: replace(track, covariance=np.tile(stated, (250, 1, 1)))
-        for name, track in filmed(EVEN, EVEN, shown, noise_m=0.0).items()
-    }
-    assert ("pictures_repeated" in codes(tracks)) == told
+    assert ("pictures_repeated" in codes(shown_so(shown, deviations))) == told
+
+
+@pytest.mark.parametrize(("deviations", "told"), [(2.0, False), (3.5, True)])
+def test_a_picture_that_is_inserted_once_is_told_where_steps_are_long(deviations, told):
+    """The next step makes up for nothing, so that only the lack of a step tells."""
+    shown = np.delete(np.sort(np.r_[np.arange(250), 48]), -1)
+    assert ("pictures_repeated" in codes(shown_so(shown, deviations))) == told
 
 
 @pytest.mark.parametrize(("rest_s", "lost"), [(0, 60), (0, 61), (0, 103), (3.4, 120)])
