@@ -198,36 +198,33 @@ def _made_up_for(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArra
     have been: a cubic fits the pictures around it, however the velocity changes, and neither this one nor a halt. Other
     bodies may rest all the time.
     """
-    at_rest = np.ones(max(kept.sum() - 1, 0), dtype=np.bool_)
+    time_s, bodies = next(iter(tracks.values())).time_s[kept], []
+    at_rest = np.ones(max(len(time_s) - 1, 0), dtype=np.bool_)
     for track in tracks.values():
-        place = np.where(track.seen[kept, None], track.pose[kept, :2], np.nan)
-        step = np.linalg.norm(np.diff(place, axis=0), axis=1)
-        at_rest &= ~(step > CONSTANTS.creeps * np.sqrt(2) * _noise_m(track, kept))
-    time_s, made_up = next(iter(tracks.values())).time_s[kept], np.zeros(len(at_rest), dtype=bool)
-    runs = [(first + 1, last + 1) for first, last in stretches(at_rest) if last - first < _ROUNDS]
-    left = np.setdiff1d(np.arange(len(time_s)), [i for first, last in runs for i in range(first, last + 1)])
-    if len(left) < 2 * _SIDE:
+        place, noise_m = np.where(track.seen[kept, None], track.pose[kept, :2], np.nan), _noise_m(track, kept)
+        at_rest &= ~(np.linalg.norm(np.diff(place, axis=0), axis=1) > CONSTANTS.creeps * np.sqrt(2) * noise_m)
+        bodies.append((place, 2 * _SIDE * noise_m**2))
+    made_up, runs = np.zeros(len(at_rest), dtype=bool), stretches(at_rest) + 1
+    runs = runs[runs[:, 1] - runs[:, 0] < _ROUNDS]
+    short = np.zeros(len(time_s) + 1, dtype=np.int8)
+    short[runs[:, 0]], short[runs[:, 1] + 1] = 1, -1
+    left = np.flatnonzero(np.cumsum(short[:-1]) == 0)
+    if not len(runs) or len(left) < 2 * _SIDE:
         return made_up
-    for first, last in runs:
-        starts = (first - _SIDE, len(time_s)), (int(np.searchsorted(left, first)) - _SIDE, len(left))
-        around, without = (min(max(at, 0), n - 2 * _SIDE) + np.arange(2 * _SIDE) for at, n in starts)
-        rows = np.array([around, left[without], left[without]])
-        times_s = time_s[rows]
-        times_s[2] -= np.where(rows[2] > last, time_s[last] - time_s[first - 1], 0.0)
-        unlike = np.zeros(3)
-        for track in tracks.values():
-            place = np.where(track.seen[kept, None], track.pose[kept, :2], np.nan)
-            unlike += np.nan_to_num(_misfit(times_s, place[rows], 0) / (2 * _SIDE * _noise_m(track, kept) ** 2))
-        made_up[first - 1 : last] = unlike[[0, 2]].min() > max(CONSTANTS.unlike, CONSTANTS.dropped * unlike[1])
-    return made_up
-    for first, last in runs:
-        starts = (first - _SIDE, len(time_s)), (int(np.searchsorted(left, first)) - _SIDE, len(left))
-        around, without = (min(max(at, 0), n - 2 * _SIDE) + np.arange(2 * _SIDE) for at, n in starts)
-        rows, unlike = np.array([around, left[without]]), np.zeros(2)
-        for track in tracks.values():
-            place = np.where(track.seen[kept, None], track.pose[kept, :2], np.nan)
-            unlike += np.nan_to_num(_misfit(time_s[rows], place[rows], 0) / (2 * _SIDE * _noise_m(track, kept) ** 2))
-        made_up[first - 1 : last] = unlike[0] > max(CONSTANTS.unlike, CONSTANTS.dropped * unlike[1])
+    first, last = runs.T[:, :, None]
+    around, without = (
+        np.clip(at - _SIDE, 0, n - 2 * _SIDE) + np.arange(2 * _SIDE)
+        for at, n in ((first, len(time_s)), (np.searchsorted(left, first), len(left)))
+    )
+    rows = np.array([around, left[without], left[without]])
+    times_s = time_s[rows]
+    times_s[2] -= np.where(rows[2] > last, time_s[last] - time_s[first - 1], 0.0)
+    rows, times_s = rows.reshape(-1, 2 * _SIDE), times_s.reshape(-1, 2 * _SIDE)
+    unlike = sum((np.nan_to_num(_misfit(times_s, place[rows], 0) / noise) for place, noise in bodies), np.zeros(1))
+    as_seen, repeated, halted = unlike.reshape(3, -1)
+    told = np.minimum(as_seen, halted) > np.maximum(CONSTANTS.unlike, CONSTANTS.dropped * repeated)
+    for begin, end in runs[told]:
+        made_up[begin - 1 : end] = True
     return made_up
 
 
