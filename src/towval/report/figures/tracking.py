@@ -59,15 +59,12 @@ def tracking_figure(track: Track, run: str = "") -> Figure:
     panels[3].set_ylabel(r"$\sigma$ heading (°)")
     for axes in (panels[0], *panels[2:4]):
         axes.set_ylim(bottom=0, top=1.35 * axes.get_ylim()[1])
-    for axes, columns in ((panels[2], slice(2)), (panels[3], slice(2, 3))):
+    for axes, columns, unit in ((panels[2], slice(2), 1e3), (panels[3], slice(2, 3), float(np.rad2deg(1.0)))):
         known = track.std[:, columns][track.std[:, columns] > 0]
         # A few frames that are far less certain would hide how all others are.
         if len(known) and known.max() > _WIDE * np.median(known):
             axes.set_yscale("log")
-            low, high = (float(np.rad2deg(1.0)) if columns == slice(2, 3) else 1e3) * np.array(
-                [known.min(), known.max()]
-            )
-            axes.set_ylim(low / 1.5, 4 * high)
+            axes.set_ylim(unit * known.min() / 1.5, 4 * unit * known.max())
     foot_legend(figure, _draw_strip(panels[4], track.time_s, track.status, _STATUS_COLOURS), columns=3)
     panels[4].set_xlabel("time (s)")
     panels[0].set_xlim(track.time_s[0], track.time_s[-1])
