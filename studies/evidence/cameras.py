@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,10 +12,11 @@ from typing import Any
 import numpy as np
 
 from studies.camera_faults.faults import FAULTS, Fault
-from studies.camera_faults.trial import Footage, Result, footage, tried
+from studies.camera_faults.trial import Footage, Result, tried
 from studies.evidence.ledger import Check, Values
 from studies.evidence.planting import both, replaced, result_of
-from towval.commands import calibrate, simulate, track
+from studies.tables.camera_faults import filmed
+from towval.commands import simulate, track
 from towval.model import Track
 from towval.tracking import alignment, follow
 from towval.tracking import track as tracking
@@ -49,20 +49,11 @@ def fault_called(name: str) -> Fault:
     return next(fault for fault in FAULTS if fault.name == name)
 
 
-@contextmanager
-def _filmed(run: str) -> Iterator[tuple[Footage, Path]]:
-    """The footage of a run, and the calibration of its camera."""
-    with TemporaryDirectory() as scratch:
-        camera = Path(scratch) / "camera.mcap"
-        calibrate.run(_CAMPAIGN, camera)
-        yield footage(_CAMPAIGN, run, _SECONDS, camera), camera
-
-
 def _of_each(run: str, measure: Callable[[Footage, Fault, Path], dict[str, float | str]]) -> Values:
     """What is measured of each fault at its middle strength; once of all where nothing is planted."""
     found: dict[str, float | str] = {}
     of_none: dict[str, float | str] | None = None
-    with _filmed(run) as (source, camera):
+    with filmed(f"{_CAMPAIGN}:{run}:{_SECONDS:g}") as (source, camera):
         for name in _NAMES:
             fault = fault_called(name)
             values = of_none if fault.is_none and of_none is not None else measure(source, fault, camera)
