@@ -15,7 +15,7 @@ from towval.model.geometry import compose
 from towval.tracking import start
 from towval.tracking.clicks import Clicked
 
-_SCENES, _CLICKED = range(500, 524), range(600, 610)
+_SCENES, _CLICKED = range(850, 900), range(600, 610)
 
 
 def _without_clicks() -> Values:

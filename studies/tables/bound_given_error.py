@@ -1,6 +1,6 @@
 """Whether the first bound could be shorter: what the error of a run tells of the measurement's own.
 
-    python -m studies.tables.bound_given_error [--first 6200] [--runs 4] [--samples 512]
+    python -m studies.tables.bound_given_error [--first 6200] [--runs 10] [--samples 512]
 
 If the model is right, E is made by the same inputs as what the measurement is off, d, so E tells something of d: each
 draw is moved to what it would be, given E, by the draws' linear regression on their inputs. For runs of
@@ -93,7 +93,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--first", type=int, default=6200)
-    parser.add_argument("--runs", type=int, default=4)
+    parser.add_argument("--runs", type=int, default=10)
     parser.add_argument("--samples", type=int, default=512)
     given = parser.parse_args()
     print("| run | u_D | given E | first bound | given E | off at most |")

@@ -11,13 +11,14 @@ from towval.model.findings import finding
 from towval.model.geometry import compose, inverse_transform
 from towval.tracking.co_moving import co_moving
 from towval.tracking.follow import CONSTANTS as FOLLOW
+from towval.tracking.middle import registration_of
 from towval.tracking.outline import CONSTANTS as OUTLINE
 from towval.tracking.outline import observe_outline, observe_sides, pose_from_clicks, settled
 from towval.tracking.overlay import standing_still
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import step_between
 from towval.tracking.rectified import View
-from towval.tracking.start import CONSTANTS, Place, Tow, around, check_in_view, joined_orientations
+from towval.tracking.start import CONSTANTS, Place, Tow, around, joined_orientations, targets_in_view
 from towval.tracking.template import Luma
 
 
@@ -42,12 +43,26 @@ def check_clicks(
     ``pictures`` are the first, then others, in which what moves with a body shows its extent; ``bodies`` rover and
     object, in this order; ``clicks_px`` (n, 2) pixels of ``top_corners_m`` by the body's name: a body without is left
     out of the result. With both bodies clicked, a half-turn by which alone the tether is long enough is corrected.
-    Raises `InputError` as :func:`towval.tracking.start.check_in_view`.
+    Raises `InputError` as :func:`towval.tracking.start.targets_in_view`.
     """
-    targets = [PlanarTarget(body, calibration.camera, calibration.floor) for body in bodies if body.name in clicks_px]
-    check_in_view(targets)
+    tow = tow.about_middles(*bodies)
+    targets = targets_in_view([body for body in bodies if body.name in clicks_px], calibration)
+    found = _checked_together(targets, pictures, clicks_px, tow, all_clicked=len(targets) == len(bodies))
+    own = {body.name: body for body in bodies}
+    return {name: replace(one, spread=registration_of(own[name], one.spread)) for name, one in found.items()}
+
+
+def _checked_together(
+    targets: Sequence[PlanarTarget],
+    pictures: Sequence[Luma],
+    clicks_px: Mapping[str, ArrayLike],
+    tow: Tow,
+    *,
+    all_clicked: bool,
+) -> dict[str, Clicked]:
+    """As :func:`check_clicks`, in frames at the middles of the tops."""
     checked = {target.body.name: _checked(target, pictures, clicks_px[target.body.name]) for target in targets}
-    if len(targets) < len(bodies):
+    if not all_clicked:
         return checked
     given = {target.body.name: np.asarray(clicks_px[target.body.name], dtype=np.float64) for target in targets}
     if _exchanged(targets, given):

@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log
 
 import cv2
@@ -13,6 +13,7 @@ from towval.model import Array, Body, Calibration, TowingScene
 from towval.model.errors import InputError
 from towval.model.geometry import compose, transform
 from towval.tracking.co_moving import co_moving, moving_along
+from towval.tracking.middle import about_middle, middle_of, registration_of
 from towval.tracking.outline import settled
 from towval.tracking.outline_search import OutlineSearch, alike, symmetry_of
 from towval.tracking.planar_target import PlanarTarget
@@ -75,6 +76,10 @@ class Tow:
         rise = scene.hinge_height - scene.anchor_height
         return cls(scene.hinge, scene.anchor, float(np.sqrt(max(length**2 - rise**2, 0.0))))
 
+    def about_middles(self, rover: Body, towed: Body) -> "Tow":
+        """The same ends in frames at the middles of the tops of ``rover`` and ``towed``."""
+        return replace(self, hinge=self.hinge - middle_of(rover), anchor=self.anchor - middle_of(towed))
+
     def span_m(self, rover: Array, towed: Array) -> Array:
         """Distance (...) of the tether's ends on the floor for poses (..., 3) [m]."""
         return np.asarray(np.linalg.norm(transform(rover, self.hinge) - transform(towed, self.anchor), axis=-1))
@@ -96,12 +101,13 @@ class Start:
     doubt: str = ""
 
 
-def check_in_view(targets: Sequence[PlanarTarget]) -> None:
-    """Refuse a plane that is not below the camera, and a top that reaches farther than the picture shows of its plane.
+def targets_in_view(bodies: Sequence[Body], calibration: Calibration) -> list[PlanarTarget]:
+    """Targets in frames at the middles of the tops of bodies.
 
-    Raises `InputError` with the key of campaign.yaml. A search for such a top would look at any number of places.
+    Raises `InputError`, with the key of campaign.yaml, for a plane that is not below the camera and a top that reaches
+    farther than the picture shows of its plane. A search for such a top would look at any number of places.
     """
-    for target in targets:
+    for target in (PlanarTarget(body, calibration.camera, calibration.floor) for body in bodies):
         name, camera_m = target.body.name, float(target.floor.camera_position_m[2])
         if target.height >= camera_m:
             raise InputError(
@@ -118,6 +124,7 @@ def check_in_view(targets: Sequence[PlanarTarget]) -> None:
                 allowed=f"at most {seen_m:.2f} m, the diagonal of what the picture shows at the height of the top",
                 remedy="give the corners in metres, in a frame whose origin is on the body",
             )
+    return [PlanarTarget(about_middle(body), calibration.camera, calibration.floor) for body in bodies]
 
 
 def find_starts(
@@ -130,18 +137,19 @@ def find_starts(
     by the tether, else by the sense of motion: the hinge trails the rover, the anchor leads the object.
 
     ``pictures`` are the first, then others spread over the video (none: what moves is not known); with ``tow``,
-    ``bodies`` are rover and object, in this order. Raises `InputError` as :func:`check_in_view`.
+    ``bodies`` are rover and object, in this order. Raises `InputError` as :func:`targets_in_view`.
     """
-    targets = [PlanarTarget(body, calibration.camera, calibration.floor) for body in bodies]
-    check_in_view(targets)
+    targets = targets_in_view(bodies, calibration)
+    tow = tow and tow.about_middles(*bodies)
     found = _candidates(targets, pictures)
     choice, doubts = _together(targets, found, tow)
     poses, turn_doubt = _turned(targets, choice, tow)
     starts = {}
-    for target, place, pose, doubt in zip(targets, choice, poses, doubts, strict=True):
+    for body, target, place, pose, doubt in zip(bodies, targets, choice, poses, doubts, strict=True):
         placed, spread = settled(target, place.views, pose)
-        corners = target.pixels(target.body.top_corners_m, placed)
-        starts[target.body.name] = Start(placed, corners, place.score, spread, doubt or turn_doubt)
+        corners, spread = target.pixels(target.body.top_corners_m, placed), registration_of(body, spread)
+        own = compose(placed, np.array([*-middle_of(body), 0.0]))
+        starts[body.name] = Start(own, corners, place.score, spread, doubt or turn_doubt)
     return starts
 
 

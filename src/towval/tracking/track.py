@@ -18,6 +18,7 @@ from towval.tracking.follow import Follower, TrackerMaker
 from towval.tracking.invented import check_invented
 from towval.tracking.klt import KltTracker
 from towval.tracking.known_lengths import OutlineSizes, as_lengths_show, length_findings, scale_findings, size_of_tops
+from towval.tracking.middle import about_middle, track_of
 from towval.tracking.moved_floor import moved_floor_findings
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import CONSTANTS as PLANE
@@ -93,10 +94,11 @@ def track_beside(
         luma = np.ascontiguousarray(picture)
         if done == 0:
             _check_size(luma, calibration)
-            targets = [PlanarTarget(body, calibration.camera, calibration.floor) for body in bodies]
+            centred = [about_middle(body) for body in bodies]
+            targets = [PlanarTarget(body, calibration.camera, calibration.floor) for body in centred]
             groups = [_Group(settings, targets, time_s, luma, clicks_px) for settings in several]
             poses = [follower.first_pose for follower in groups[0].followers]
-            camera_motion = CameraMotion(calibration.camera, calibration.floor, luma, bodies, poses)
+            camera_motion = CameraMotion(calibration.camera, calibration.floor, luma, centred, poses)
             camera_motion.register(time_s, luma, poses)
             for target in targets:
                 target.blur_px = camera_motion.blur_px
@@ -114,7 +116,8 @@ def track_beside(
         raise InputError("the video holds no picture")
     view_motion = camera_motion.estimate()
     camera_findings = camera_motion.findings(view_motion)
-    return [group.tracks(view_motion, camera_findings, calibration) for group in groups]
+    found = [group.tracks(view_motion, camera_findings, calibration) for group in groups]
+    return [{body.name: track_of(body, tracks[body.name]) for body in bodies} for tracks in found]
 
 
 class _Group:
