@@ -50,9 +50,9 @@ class Measurement:
 class Tracker(Protocol):
     """Measures one body's pose in pictures.
 
-    Built from the :class:`~towval.tracking.planar_target.PlanarTarget`, the first picture and the pose (3,) in it. Poses
-    are those of a frame at the middle of the top, whose axes are the body's (:mod:`towval.tracking.middle`). A class
-    that derives from this one has to add :meth:`measure` alone.
+    Built from the :class:`~towval.tracking.planar_target.PlanarTarget`, the first picture and the pose (3,) in it.
+    Poses are those of a frame at the middle of the top, whose axes are the body's (:mod:`towval.tracking.middle`). A
+    class that derives from this one has to add :meth:`measure` alone.
     """
 
     @property
