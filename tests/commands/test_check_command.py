@@ -185,6 +185,14 @@ def test_a_video_that_a_tag_turns_is_turned_as_the_pictures_lie(lab, tmp_path, r
         np.testing.assert_allclose(told["runs"]["a"][key], as_it_is["runs"]["a"][key], atol=0.2)
 
 
+def test_a_key_that_is_printed_otherwise_than_it_is_written_ends_the_search_for_its_line(lab, tmp_path):
+    """A space that does not break, as copied from a page on the web, is printed as its code."""
+    folder = lab(lambda document: document.update({"mass [kg]\xa0": 3.0}))
+    (fault,) = check(folder, tmp_path / "check")["faults"]
+    assert fault["line"] is None
+    assert "mass [kg]\\xa0" in fault["text"]
+
+
 def test_clicks_for_which_tracking_refuses_the_run_are_a_fault(lab, tmp_path):
     """They were a warning and "no fault"."""
 

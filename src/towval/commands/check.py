@@ -244,6 +244,7 @@ def _floor_board(given: Campaign) -> FloorBoard | None:
 
 
 _KEY = re.compile(r"\b(?:camera|floor|rover|object|tether|friction|runs)(?:\.\w[\w-]*|\[\d+\])+")
+_LAST_PART = re.compile(r"(\.[^.\[\]]+|\[\d+\]|^[^.\[\]]+)$")
 
 
 def _fault(error: TowvalError, lines: dict[str, int]) -> dict[str, Any]:
@@ -251,8 +252,8 @@ def _fault(error: TowvalError, lines: dict[str, int]) -> dict[str, Any]:
     key = error.key or (named.group() if named else "")
     # A key that is missing has the line of what it is missing from.
     known = key
-    while known and known not in lines:
-        known = re.sub(r"(\.[^.\[\]]+|\[\d+\]|^[^.\[\]]+)$", "", known)
+    while known not in lines and (shorter := _LAST_PART.sub("", known)) != known:
+        known = shorter
     return {
         "line": lines.get(known),
         "key": key,
