@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from towval.commands.calibrate import calibrated
 from towval.commands.check import check, for_people, run
 from towval.commands.run_folder import same_footage
 from towval.io.campaign import load_campaign
+from towval.io.campaign_text import text_in_parts
 from towval.io.images import read_gray
 from towval.io.schema import key_lines
 from towval.io.video import Video
@@ -241,6 +243,20 @@ def test_clicks_beside_the_outline_are_warned_about(lab, tmp_path):
     told = check(lab(change), tmp_path / "pictures")
     assert told["faults"] == []
     assert any("rover" in text for text in told["warnings"]), told
+
+
+def test_the_page_is_cut_right_where_an_editor_marks_the_coding(lab, tmp_path):
+    """Windows' editors begin a file with such a mark, which counts as a character to some readers of YAML only."""
+    folder = lab()
+    text = (folder / "campaign.yaml").read_text()
+    (folder / "campaign.yaml").write_text(text, encoding="utf-8-sig")
+    told = check(folder, tmp_path / "pictures")
+    assert told["faults"] == []
+    page = (tmp_path / "pictures" / "start.html").read_text(encoding="utf-8")
+    written = json.loads(re.search(r'"text":(\[.*?\]),"bodies"', page)[1])
+    assert [part if isinstance(part, str) else part["stated"] for part in written] == [
+        part if isinstance(part, str) else part.stated for part in text_in_parts(text)
+    ]
 
 
 def test_the_command_line_writes_beside_the_campaign(lab):

@@ -69,9 +69,8 @@ def check(folder: Path, pictures: Path) -> dict[str, Any]:
 
     Faults are in the order of campaign.yaml; those that name no line of it come last.
     """
-    file = folder / "campaign.yaml"
     document = read_document(folder)
-    lines = key_lines(file.read_text(encoding="utf-8"))
+    lines = key_lines(_text_of(folder))
     given, faults = read_campaign(folder, document)
     warnings: list[str] = []
     runs = {} if given is None else _runs(given, pictures, faults, warnings)
@@ -209,8 +208,13 @@ def _writing_to(folder: Path) -> Iterator[None]:
         ) from None
 
 
+def _text_of(folder: Path) -> str:
+    """The text of campaign.yaml, without the mark of its coding that editors may put at its beginning."""
+    return (folder / "campaign.yaml").read_text(encoding="utf-8-sig")
+
+
 def _write_page(page: Path, given: Campaign, starts: dict[str, StartOfRun]) -> None:
-    text = (given.folder / "campaign.yaml").read_text(encoding="utf-8")
+    text = _text_of(given.folder)
     longest_m = Tow.of(given.scene).longest_m
     bodies = {body.name: body for body in given.bodies}
     board = _floor_board(given)
