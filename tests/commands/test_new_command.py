@@ -275,3 +275,31 @@ def test_videos_of_one_name_are_two_runs(footage):
     assert {name: found.video.name for name, found in load_campaign(footage).runs.items()} == {
         "a": "a.mov", "a_2": "a.mp4"
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("pattern", ["{folder}/calibration/board_*.jpg", "calib**/board_*.jpg"])
+def test_pictures_may_be_named_as_in_a_campaign(footage, pattern):
+    """By an absolute pattern, say: those of Python's own paths must be relative."""
+    pattern = pattern.format(folder=footage)
+    run(footage, FACTS | {"camera.calibration_images": pattern}, ask=False, find=False)
+    assert len(load_campaign(footage).calibration_images) == len(list((footage / "calibration").glob("board_*.jpg")))
+
+
+def test_numbers_of_corners_may_be_written_with_a_point(footage):
+    run(footage, FACTS | {"camera.board.inner_corners": [9.0, 6.0]}, ask=False, find=False)
+    assert load_campaign(footage).board.inner_corners == (9, 6)
+
+
+def test_the_floor_frame_is_found_on_a_board_with_markers(footage):
+    board = {"type": "charuco", "inner_corners": [6, 4], "marker_m": 0.03, "dictionary": "DICT_4X4_50"}
+    markers = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    drawn = cv2.aruco.CharucoBoard((7, 5), 0.04, 0.03, markers).generateImage((350, 250))
+    picture = np.full((540, 960), 128, dtype=np.uint8)
+    picture[150:400, 300:650] = drawn
+    (footage / "calibration" / "floor.jpg").unlink()
+    cv2.imwrite(str(footage / "calibration" / "floor.jpg"), picture)
+    run(footage, FACTS | {f"camera.board.{key}": value for key, value in board.items()}, ask=False, find=False)
+    reference = load_campaign(footage).floor_reference
+    # A square is 50 px wide; (0, 0) is the middle of the first pixel.
+    np.testing.assert_allclose(reference.origin_corner_px, [349.5, 349.5], atol=0.5)
+    np.testing.assert_allclose(reference.x_axis_end_corner_px, [599.5, 349.5], atol=0.5)

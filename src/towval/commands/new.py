@@ -14,12 +14,18 @@ import yaml
 
 from towval.calibration.behind_boards import some_of
 from towval.calibration.board_search import fitting_corner_counts
-from towval.calibration.corners import observe_chessboard
+from towval.calibration.corners import (
+    BoardObservation,
+    charuco_layouts,
+    observe_charuco,
+    observe_chessboard,
+    outer_corners,
+)
 from towval.commands.check import IN_FLOOR_AXES, check, for_people
 from towval.commands.console import Outcome, step
 from towval.commands.settings import nested
 from towval.io.atomic import write_text
-from towval.io.campaign import IMAGE_SUFFIXES, campaign_schema
+from towval.io.campaign import IMAGE_SUFFIXES, board_of, campaign_schema, pictures_of, whole
 from towval.io.campaign_text import GUESS, RunClicks, campaign_text, text_in_parts
 from towval.io.images import GrayPictures, stated_size
 from towval.io.schema import faults_of
@@ -331,10 +337,9 @@ def _asked(fact: Fact, guessed: tuple[Any, str] | None) -> Any:
 def _look_at_boards(draft: Draft) -> None:
     """Corners of the board, and of the floor's frame in its picture."""
     camera, floor = draft.document["camera"], draft.document["floor"]
-    paths = tuple(sorted(draft.folder.glob(camera["calibration_images"])))
-    paths = tuple(path for path in paths if path.suffix.lower() in IMAGE_SUFFIXES and not _is_hidden(Path(path.name)))
-    resolution = tuple(camera["resolution_px"])
+    resolution = whole(camera["resolution_px"])
     if draft.known("camera.board.inner_corners") is None:
+        paths = pictures_of(camera["calibration_images"], draft.folder, "camera.calibration_images")
         pictures = GrayPictures(paths[:: max(1, len(paths) // _SAMPLE)], resolution)
         step(f"new: count the corners of the board in {len(pictures)} pictures")
         counts = fitting_corner_counts(pictures)
@@ -343,9 +348,7 @@ def _look_at_boards(draft: Draft) -> None:
         draft.put("camera.board.inner_corners", list(counts), "Counted in the pictures.")
     if "image" not in floor or "origin_corner_px" in floor:
         return
-    board = Board(camera["board"]["type"], tuple(camera["board"]["inner_corners"]), camera["board"]["square_m"])
-    name, picture = GrayPictures((draft.folder / floor["image"],), resolution)[0]
-    seen = observe_chessboard(name, picture, board, thorough=True)
+    seen = _whole_board(GrayPictures((draft.folder / floor["image"],), resolution), board_of(camera["board"]))
     if seen is None:
         raise InputError(
             "the board is not found in the floor picture",
@@ -354,10 +357,18 @@ def _look_at_boards(draft: Draft) -> None:
         )
     if draft.marks.get("camera.board.type", "").startswith(GUESS):
         draft.marks["camera.board.type"] = "Found in the pictures."
-    columns = board.inner_corners[0]
-    ends = np.array([seen.corners_px[i] for i in (0, columns - 1, -columns, -1)])
+    ends = seen.corners_px[outer_corners(seen.board_m)]
     # Of the board's first and last row the lower in the picture, from left to right.
-    row = max((ends[:2], ends[2:]), key=lambda row: row[:, 1].sum())
+    row = max((ends[[0, 1]], ends[[3, 2]]), key=lambda row: row[:, 1].sum())
     origin, end = row[np.argsort(row[:, 0])]
     draft.put("floor.origin_corner_px", [round(float(x), 1) for x in origin], "Chosen: the lower left corner found.")
     draft.put("floor.x_axis_end_corner_px", [round(float(x), 1) for x in end], "Chosen: the lower right corner found.")
+
+
+def _whole_board(pictures: GrayPictures, board: Board) -> BoardObservation | None:
+    """The board in the first of the pictures, with all its corners; None where it is not found."""
+    name, picture = pictures[0]
+    if board.kind == "chessboard":
+        return observe_chessboard(name, picture, board, thorough=True)
+    found = (observe_charuco(name, picture, one, old_layout=old) for one, old in charuco_layouts(board))
+    return next((each for each in found if each and len(each.corners_px) == np.prod(board.inner_corners)), None)
