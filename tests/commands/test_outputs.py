@@ -93,6 +93,12 @@ def test_the_file_beside_an_output_is_looked_at_before_anything_is_read(lab_smal
     assert sorted(path.name for path in tmp_path.iterdir()) == ["i.csv", "index.html"]
 
 
+@pytest.mark.parametrize("output", [".", "", "/"])
+def test_a_folder_as_the_output_of_the_index_is_told(output, tmp_path, capsys):
+    """Such a path has no name to which an ending could be given."""
+    assert "got: a folder of that name" in refused(capsys, "index", tmp_path, "-o", output)
+
+
 @pytest.mark.parametrize(("command", "kind"), [("track", "MCAP"), ("overlay", "MP4"), ("index", "SQLite")])
 def test_the_help_names_the_kind_of_file_that_is_written(command, kind, capsys):
     with pytest.raises(SystemExit):

@@ -24,6 +24,7 @@ def run(results: Sequence[Path], output: Path, fail_on: Sequence[str] = ()) -> O
     for word in asked:
         if word not in known:
             raise InputError("--fail-on names no verdict", got=word, allowed=", ".join(known))
+    check_plain(output)  # a folder may have no name to which an ending could be given
     page = output.with_suffix(".html")
     if page == output:
         raise InputError("-o names the page in place of the SQLite file beside it", got=output, allowed="index.sqlite")
