@@ -4,6 +4,7 @@ import pytest
 
 from result_folders import make_run
 from towval.cli import main
+from towval.io.results_index import read_results
 
 
 def test_writes_both_files_and_says_what_it_found(tmp_path, capsys):
@@ -21,6 +22,17 @@ def test_a_campaign_that_two_folders_lead_to_counts_once(tmp_path, capsys):
     folders = [results, results, tmp_path / "link", results / "lab"]
     main(["index", *map(str, folders), "-o", str(tmp_path / "index.sqlite")])
     assert "1 run (agrees 1)" in capsys.readouterr().out
+
+
+def test_campaigns_have_the_names_by_which_a_folder_holds_them(tmp_path, capsys):
+    """Results of last year, linked beside those of this year, may have the same name where they are."""
+    make_run(tmp_path / "results" / "lab" / "a")
+    make_run(tmp_path / "old" / "lab" / "a", verdict="not judged")
+    (tmp_path / "results" / "lab of last year").symlink_to(tmp_path / "old" / "lab")
+    main(["index", str(tmp_path / "results"), "-o", str(tmp_path / "index.sqlite")])
+    assert "2 runs (agrees 1, not judged 1)" in capsys.readouterr().out
+    index = read_results([tmp_path / "results"])
+    assert index.runs["campaign"].tolist() == ["lab", "lab of last year"]
 
 
 def test_fails_on_a_verdict_after_writing(tmp_path, capsys):

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import closing, suppress
@@ -77,7 +78,8 @@ def read_results(folders: Sequence[Path]) -> ResultsIndex:
             read.add(campaign.resolve())
             shared = _stage_of(campaign / "camera.mcap")
             for run in current_runs(campaign):
-                key = (str(source), campaign.resolve().name, run.name)
+                # By its name in this folder: of two links what they lead to may have the same name.
+                key = (str(source), Path(os.path.abspath(campaign)).name, run.name)
                 for table, row in _rows_of(run, shared):
                     rows[table].append((*key, *row))
     if not rows["runs"]:
