@@ -74,6 +74,16 @@ def test_what_is_not_ours_is_never_replaced(track, tmp_path, capsys):
         write_summary(tmp_path / "summary.csv", [])
 
 
+@pytest.mark.parametrize("content", ["mine\n", ""])
+def test_a_file_that_is_no_list_of_results_is_told_before_the_report_is_made(content, lab_small, tmp_path, capsys):
+    """It was told at the end, as a list that is damaged, with calling the report again as the remedy."""
+    (tmp_path / "files.sha256").write_text(content)
+    message = refused(capsys, "report", lab_small, "--results", tmp_path)
+    assert "files.sha256 is not replaced" in message
+    assert "move it" in message
+    assert [path.name for path in tmp_path.iterdir()] == ["files.sha256"]
+
+
 def test_a_film_never_replaces_footage(lab_small, tmp_path, capsys):
     paths = ("--camera", tmp_path / "camera.mcap", "--folder", tmp_path)
     assert "is not replaced" in refused(capsys, "overlay", lab_small, "--run", "a", *paths, "-o", lab_small / "a.mp4")

@@ -17,7 +17,7 @@ from towval.commands.run_folder import files, read_run, same_footage
 from towval.commands.settings import settings_from
 from towval.io.campaign import Campaign, load_campaign
 from towval.io.chain import Origin, check_made_of, read_origin
-from towval.io.manifest import MANIFEST, write_manifest
+from towval.io.manifest import MANIFEST, check_list, write_manifest
 from towval.io.provenance import file_hash
 from towval.io.reading import is_plain_file
 from towval.io.records import read_calibration
@@ -44,6 +44,7 @@ def run(
 ) -> Outcome:
     """Write the report of a campaign, its figures and summary; ``identified`` inputs have a section of their own."""
     settings = settings_from(ReportSettings, keys, "report")
+    check_list(results / MANIFEST)
     given = load_campaign(campaign)
     identified = None if identified is None else _among(results, identified)
     camera = results / "camera.mcap"

@@ -40,11 +40,22 @@ class Listed:
 
 
 def write_manifest(path: Path, files: Iterable[Path]) -> None:
-    """Write the list of files in the folder of ``path`` or below."""
+    """Write the list of files in the folder of ``path`` or below; raises as :func:`check_list`."""
     names = {file.relative_to(path.parent).as_posix(): file for file in files}
-    if is_plain_file(path):
-        read_manifest(path)
+    check_list(path)
     write_text(path, "".join(f"{file_hash(names[name])}  {name}\n" for name in sorted(names)))
+
+
+def check_list(path: Path) -> None:
+    """Refuse to replace a file that is no list: it is somebody else's, or too damaged to tell.
+
+    Raises `InputError`; nothing is checked where there is no file.
+    """
+    if is_plain_file(path):
+        try:
+            _entries(path)
+        except InputError:
+            raise not_ours(path) from None
 
 
 def read_manifest(path: Path) -> list[Listed]:
