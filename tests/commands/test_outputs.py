@@ -185,6 +185,18 @@ def test_inputs_that_were_added_since_are_named(tmp_path):
     assert "run a of campaign.yaml has no results" in said()
 
 
+def test_a_video_of_any_name_is_a_file_of_the_lab(tmp_path):
+    """One named as the film that towval overlay draws was looked for among the results."""
+    lab, results = tmp_path / "lab", tmp_path / "results"
+    lab.mkdir()
+    shutil.copy(SAMPLE / "a.mp4", lab / "overlay.mp4")
+    made_of = provenance("exchange", None, {"overlay.mp4": lab / "overlay.mp4"}, run="a")
+    write_mcap(results / "a" / "exchange.mcap", [], {}, made_of)
+    with pytest.raises(InputError, match=r"files\.sha256 is missing") as error:
+        verify.run(results)
+    assert "overlay.mp4" not in str(error.value)
+
+
 def test_a_full_disk_leaves_what_was_there(tmp_path):
     """The size of a file limited as a full disk limits it; the old file stays, and nothing half."""
     path = tmp_path / "page.html"

@@ -59,7 +59,7 @@ def _place(results: Path, path: Path, stage: str, name: str) -> Path | None:
     """Where in the results the input of a file is; None for what the lab handed in and for plugins."""
     if name == "camera.mcap":
         return results / name
-    if stage in ("calibrate", "track") or (Path(name).suffix != ".mcap" and name != "overlay.mp4"):
+    if stage in ("calibrate", "track") or Path(name).suffix != ".mcap":
         return None
     return results / name if stage == "identify" else path.parent / name
 
