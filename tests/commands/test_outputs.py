@@ -15,8 +15,10 @@ import pytest
 from towval.cli import main
 from towval.commands import verify
 from towval.commands.console import errors_reported
+from towval.commands.run_folder import check_spared
 from towval.io.atomic import write_text
 from towval.io.campaign import load_campaign, names_in
+from towval.io.exchange import write_layouts
 from towval.io.manifest import check_results
 from towval.io.mcap_file import check_replaceable, write_mcap
 from towval.io.provenance import provenance
@@ -82,6 +84,28 @@ def test_a_file_that_is_no_list_of_results_is_told_before_the_report_is_made(con
     assert "files.sha256 is not replaced" in message
     assert "move it" in message
     assert [path.name for path in tmp_path.iterdir()] == ["files.sha256"]
+
+
+def test_files_beside_the_file_for_viewers_are_never_those_of_others(lab_small, tmp_path, capsys):
+    arguments = ["--run", "a", "--camera", tmp_path / "camera.mcap", "--folder", tmp_path, "-o", tmp_path / "e.mcap"]
+    write_layouts(tmp_path)
+    assert "camera.mcap is missing" in refused(capsys, "exchange", lab_small, *arguments)
+    (tmp_path / "lichtblick.json").write_text("mine")
+    assert "lichtblick.json is not replaced" in refused(capsys, "exchange", lab_small, *arguments)
+    write_mcap(tmp_path / "e.mcap", [], {}, {"stage": "exchange"})  # so these are of an earlier version
+    assert "camera.mcap is missing" in refused(capsys, "exchange", lab_small, *arguments)
+
+
+def test_a_start_is_never_drawn_over_a_picture_of_the_lab(lab_small, tmp_path):
+    """With --pictures in the folder of the lab's pictures, and a run named as one of them."""
+    given = load_campaign(lab_small)
+    for own in (given.calibration_images[0], given.floor_images[0], given.runs["a"].video):
+        with pytest.raises(InputError, match="towval did not make"):
+            check_spared(own, given)
+        (tmp_path / own.name).symlink_to(own.resolve())
+        with pytest.raises(InputError, match="towval did not make"):
+            check_spared(tmp_path / own.name, given)
+    check_spared(lab_small / "check" / "a.jpg", given)
 
 
 def test_a_film_never_replaces_footage(lab_small, tmp_path, capsys):

@@ -17,7 +17,7 @@ from towval.calibration.calibrate import CalibrateSettings
 from towval.calibration.corners import outer_corners
 from towval.commands.calibrate import calibrated
 from towval.commands.console import step
-from towval.commands.run_folder import same_footage
+from towval.commands.run_folder import check_spared, same_footage
 from towval.commands.track import Begun, begin, findings_of_rate, known_starts, open_video, spread_pictures
 from towval.io.campaign import Campaign, Run, read_campaign, read_document
 from towval.io.campaign_text import text_in_parts
@@ -189,6 +189,7 @@ def _placed(given: Campaign, start: StartOfRun) -> dict[str, tuple[Body, Array]]
 
 def _draw_start(picture: Path, given: Campaign, start: StartOfRun) -> str:
     """Draw the start of a run, and return where."""
+    check_spared(picture, given)
     drawn = draw_start(start.luma, start.calibration, given.scene, _placed(given, start))
     with _writing_to(picture.parent):
         write_picture(picture, drawn)

@@ -7,7 +7,7 @@ from towval.commands.console import Outcome
 from towval.commands.run_folder import named, read_run
 from towval.io.campaign import Run, load_campaign
 from towval.io.coded_video import coded_video
-from towval.io.exchange import write_layouts, write_run_file
+from towval.io.exchange import check_layouts, write_layouts, write_run_file
 from towval.io.provenance import provenance
 from towval.io.records import read_calibration
 from towval.io.video import Video
@@ -18,6 +18,7 @@ from towval.report.overlay import drawn_pictures
 
 def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path) -> Outcome:
     """Write footage, bodies, tether and errors of a run into one file for viewers."""
+    check_layouts(output)
     given, calibration = load_campaign(campaign), read_calibration(camera)
     entry, record = given.run(name), read_run(given, name, folder, camera)
     pictures = film_pictures(entry, calibration, record)

@@ -1,8 +1,9 @@
-"""Result files of a run, and films that runs share."""
+"""Result files of a run, films that runs share, and what is the lab's own."""
 
 from collections import defaultdict
 from pathlib import Path
 
+from towval.io.atomic import not_ours
 from towval.io.campaign import Campaign
 from towval.io.chain import check_together
 from towval.io.provenance import file_hash
@@ -48,6 +49,13 @@ def read_run(campaign: Campaign, name: str, folder: Path, camera: Path) -> RunRe
         hinge_height_m=campaign.scene.hinge_height,
         anchor_height_m=campaign.scene.anchor_height,
     )
+
+
+def check_spared(path: Path, campaign: Campaign) -> None:
+    """Refuse to write a picture where one of the lab's own, or a video, stands; raises `InputError`."""
+    videos = (run.video for run in campaign.runs.values())
+    if path.resolve() in {file.resolve() for file in (*campaign.calibration_images, *campaign.floor_images, *videos)}:
+        raise not_ours(path)
 
 
 def same_footage(campaign: Campaign) -> list[Finding]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.commands.console import Outcome, progress
+from towval.commands.run_folder import check_spared
 from towval.commands.settings import settings_from, without_auto
 from towval.io.campaign import Campaign, Run, load_campaign, names_in
 from towval.io.chain import check_together
@@ -322,6 +323,7 @@ def _starts(
     found = find_starts(pictures, calibration, given.bodies, Tow.of(given.scene))
     for name in unclicked:
         if found[name].doubt:
+            check_spared(drawn, given)
             write_picture(drawn, starts_drawn(pictures[0], found))
             raise _ask_for_clicks(name, entry, found[name], drawn)
         starts[name] = Clicked(found[name].corners_px, found[name].spread, _found_findings(name, found[name]))

@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from towval.io import ros
-from towval.io.atomic import write_bytes
+from towval.io.atomic import not_ours, write_bytes
 from towval.io.mcap_file import Message, write_mcap
+from towval.io.reading import is_plain_file
 from towval.io.records import camera_place
 from towval.model import Array, Calibration, Camera, Comparison
 from towval.model.conventions import FLOOR_FRAME
@@ -38,11 +39,26 @@ def write_run_file(
     write_mcap(path, messages, {"run": run.name}, provenance, in_order=_pictures(pictures, calibration.camera))
 
 
+def check_layouts(path: Path) -> None:
+    """Refuse to write layouts beside an ``exchange.mcap`` to be made where files of somebody else's have their names.
+
+    Beside one that is there they are those of an earlier version, or of this one. Raises `InputError`.
+    """
+    for name in LAYOUTS if not path.exists() else ():
+        layout = path.parent / name
+        if is_plain_file(layout) and layout.read_bytes() != _layout(name):
+            raise not_ours(layout)
+
+
 def write_layouts(folder: Path) -> tuple[Path, ...]:
     """Copy the layouts into a folder; returns their paths."""
     for name in LAYOUTS:
-        write_bytes(folder / name, (files("towval.io") / "layouts" / name).read_bytes())
+        write_bytes(folder / name, _layout(name))
     return tuple(folder / name for name in LAYOUTS)
+
+
+def _layout(name: str) -> bytes:
+    return (files("towval.io") / "layouts" / name).read_bytes()
 
 
 def _pictures(pictures: Iterable[Still], camera: Camera) -> Iterator[Message]:
