@@ -208,11 +208,8 @@ def open_video(given: Campaign, entry: Run) -> Video:
     return video
 
 
-def first_picture(given: Campaign, entry: Run, video: Video) -> Luma:
-    """The first picture of a run (height, width).
-
-    Raises `InputError` when it shows nothing, or has another size than the calibration pictures.
-    """
+def first_picture(entry: Run, video: Video) -> Luma:
+    """The first picture of a run (height, width); raises `InputError` when it shows nothing."""
     luma = video.first_picture()
     # Each tile is the mean of so many pixels that little of the sensor's noise is left.
     tiles = cv2.resize(luma.astype(np.float32), _TILES, interpolation=cv2.INTER_AREA)
@@ -248,7 +245,7 @@ def begin(given: Campaign, entry: Run, video: Video, measured: Calibration) -> B
     floor decides: pictures are those of one sensor, and where a video as players turn it has another size, or shows the
     floor upside down, it is turned.
     """
-    luma, floors = first_picture(given, entry, video), floor_pictures(given)
+    luma, floors = first_picture(entry, video), floor_pictures(given)
     if luma.shape[::-1] != given.resolution_px:
         # As it is stored: so are the pictures.
         video = video.turned(-video.tagged_turns())
