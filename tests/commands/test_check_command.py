@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -18,7 +19,7 @@ import yaml
 from report_scenes import quarter_turned
 from studies.worlds.film import write_video
 from towval.commands.calibrate import calibrated
-from towval.commands.check import check, for_people, run
+from towval.commands.check import _floor_board, check, for_people, run
 from towval.commands.run_folder import same_footage
 from towval.io.campaign import load_campaign
 from towval.io.campaign_text import text_in_parts
@@ -257,6 +258,17 @@ def test_the_page_is_cut_right_where_an_editor_marks_the_coding(lab, tmp_path):
     assert [part if isinstance(part, str) else part["stated"] for part in written] == [
         part if isinstance(part, str) else part.stated for part in text_in_parts(text)
     ]
+
+
+def test_no_board_is_shown_where_marks_fix_the_frame():
+    """The calibration takes the marks then, and does not need the board in that picture either."""
+    given = load_campaign(SAMPLE)
+    marks = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    assert _floor_board(given).corners_px.shape == (4, 2)
+    assert (
+        _floor_board(replace(given, floor_reference=replace(given.floor_reference, marks_px=marks, marks_m=marks)))
+        is None
+    )
 
 
 def test_the_command_line_writes_beside_the_campaign(lab):

@@ -230,7 +230,7 @@ IN_FLOOR_AXES = ("floor.slope_mm_per_m", "friction.regions")
 def _floor_board(given: Campaign) -> FloorBoard | None:
     """The board that defines the floor frame, with the picture around it; None where surveyed marks do."""
     reference = given.floor_reference
-    if reference.origin_corner_px is None or reference.x_axis_end_corner_px is None:
+    if reference.origin_corner_px is None or reference.x_axis_end_corner_px is None or len(reference.marks_px):
         return None
     pictures = GrayPictures(given.floor_images[:1], given.resolution_px)
     marked_px = {given.floor_images[0].name: reference.origin_corner_px}
