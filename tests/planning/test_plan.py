@@ -248,11 +248,13 @@ def test_a_map_shows_the_wanted_path_and_whose_each_bend_is(tmp_path):
 def test_a_map_replaces_only_a_map(tmp_path):
     mine = tmp_path / "drawing.svg"
     mine.write_text("<svg>mine</svg>")
-    for name in (mine, tmp_path / "map.pdf"):
+    folder = tmp_path / "folder.svg"
+    folder.mkdir()
+    for name in (mine, folder, tmp_path / "map.pdf"):
         with pytest.raises(InputError, match=re.escape(name.name)):
             run(quick_plan(), "line", tmp_path / "p.mcap", tmp_path / "p.csv", map_file=name)
     assert mine.read_text() == "<svg>mine</svg>"
-    assert [each.name for each in tmp_path.iterdir()] == ["drawing.svg"]  # and no plan without its map
+    assert {each.name for each in tmp_path.iterdir()} == {"drawing.svg", "folder.svg"}  # and no plan without its map
 
 
 def _path_length(file):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.commands.console import Outcome
-from towval.io.atomic import check_own, write_text
+from towval.io.atomic import check_own, check_plain, write_text
 from towval.io.campaign import load_campaign
 from towval.io.mcap_file import read_provenance
 from towval.io.plan_files import check_table, read_path, read_tow, write_plan_csv, write_plan_mcap
@@ -99,6 +99,7 @@ def _check_map(file: Path | None) -> None:
         return
     if file.suffix != ".svg":
         raise InputError("the map cannot be written", got=file.name, allowed="a name that ends in .svg")
+    check_plain(file)
     check_own(file, _MAP_MARK)
 
 
