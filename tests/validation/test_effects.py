@@ -60,6 +60,14 @@ def test_effects_of_a_scene_are_what_the_run_without_them_moves(sloping, samplin
     assert strict["effect: slope of the floor"] == "taken without need"
 
 
+def test_an_effect_without_which_nothing_can_be_simulated_is_needed(sampling, found, monkeypatch):
+    missing = np.full((len(sampling.case.simulated.time_s), 3), np.nan)
+    monkeypatch.setattr(Batch, "simulate", lambda self, draws: iter([missing for _ in draws]))
+    choices = {choice.what: choice for choice in sampling.effects(found, 1.0)}
+    assert np.isnan(choices["effect: slope of the floor"].change_m)
+    assert choices["effect: slope of the floor"].chosen == "taken"
+
+
 def test_an_effect_the_scene_is_without_moves_what_a_deviation_of_it_does(sloping, sampling, found):
     choices = {choice.what: choice for choice in sampling.effects(found)}
     across = choices["effect: friction across and along"]

@@ -90,7 +90,8 @@ def effect_choices(
     choices = []
     for effect in EFFECTS:
         if effect.what in moved:
-            chosen = "taken" if moved[effect.what] > limit_m else "taken without need"
+            # NaN, where the run without it cannot be simulated, is no sign that it is not needed.
+            chosen = "taken without need" if moved[effect.what] <= limit_m else "taken"
             choices.append(Choice(f"effect: {effect.what}", chosen, "left out", moved[effect.what], _RMS))
             continue
         known = [by_input[name] for name in effect.inputs if name in by_input]
