@@ -265,11 +265,11 @@ def floor_reference_of(floor: dict[str, Any]) -> FloorReference:
     return FloorReference(
         origin_corner_px=np.array(floor["origin_corner_px"], dtype=float) if board_keys else None,
         x_axis_end_corner_px=np.array(floor["x_axis_end_corner_px"], dtype=float) if board_keys else None,
-        board_thickness_m=floor.get("board_thickness_m", 0.0),
+        board_thickness_m=floor.get("board_thickness_m", FloorReference.board_thickness_m),
         board_thickness_std_m=floor.get("board_thickness_std_m", _thickness_std_m("board_thickness_m" in floor)),
         marks_px=np.array([mark["at_px"] for mark in marks], dtype=float).reshape(-1, 2),
         marks_m=np.array([mark["at_m"] for mark in marks], dtype=float).reshape(-1, 2),
-        mark_std_px=floor.get("surveyed_mark_std_px", 0.7),
+        mark_std_px=floor.get("surveyed_mark_std_px", FloorReference.mark_std_px),
     )
 
 

@@ -157,7 +157,7 @@ def _friction(friction: Keys) -> FrictionSpecification:
         kinetic=friction["kinetic"],
         stiction_velocity=friction["stiction_velocity_m_per_s"],
         friction_velocity=friction["friction_velocity_m_per_s"],
-        law=friction.get("law", "makkar"),
+        law=friction.get("law", FrictionSpecification.law),
         across_over_along=friction.get("across_over_along", 1.0),
         radius_over_planar=friction.get("radius_over_planar", 1.0),
     )
@@ -185,7 +185,7 @@ def _ground(document: Keys) -> Ground:
                 f"{where} overlaps another region", got=f"regions {others[0]} and {i}", allowed="regions side by side"
             )
     return Ground(
-        gravity=document.get("gravity_m_per_s2", 9.81),
+        gravity=document.get("gravity_m_per_s2", Ground.gravity),
         slope=slope,
         regions=tuple(FloorRegion(region["outline_m"], region["factor"]) for region in regions),
     )

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.model.checks import Array, instance_of, items_of, lock, locked, positive
+from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.model.errors import InputError
 from towval.model.friction import FrictionLaw
 
@@ -113,7 +114,7 @@ class Ground:
     friction, where several overlap their factors less one add up.
     """
 
-    gravity: float = 9.81
+    gravity: float = GRAVITY_M_PER_S2
     slope: Array = field(default_factory=lambda: np.zeros(2))
     regions: tuple[FloorRegion, ...] = ()
 

@@ -74,7 +74,8 @@ def plan_scene(plan: Mapping[str, Any]) -> PlanScene:
         curves=_curves(plan["curves"]),
         duration=plan["quasi_static"]["duration_s"],
         ground=Ground(
-            gravity=plan.get("gravity_m_s2", 9.81), slope=1e-3 * np.array(plan.get("slope_mm_per_m", (0.0, 0.0)))
+            gravity=plan.get("gravity_m_s2", Ground.gravity),
+            slope=1e-3 * np.array(plan.get("slope_mm_per_m", (0.0, 0.0))),
         ),
         hinge_height=rover.get("hinge_height_m", 0.0),
     )
