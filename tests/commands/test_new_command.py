@@ -303,3 +303,16 @@ def test_the_floor_frame_is_found_on_a_board_with_markers(footage):
     # A square is 50 px wide; (0, 0) is the middle of the first pixel.
     np.testing.assert_allclose(reference.origin_corner_px, [349.5, 349.5], atol=0.5)
     np.testing.assert_allclose(reference.x_axis_end_corner_px, [599.5, 349.5], atol=0.5)
+
+
+def test_pictures_in_a_folder_with_brackets_in_its_name_are_found(footage):
+    """In a pattern these would stand for one of the characters between them."""
+    (footage / "calibration").rename(footage / "board [1]")
+    run(footage, FACTS, ask=False, find=False)
+    assert set((footage / "board [1]").glob("board_*.jpg")) <= set(load_campaign(footage).calibration_images)
+
+
+def test_a_run_is_not_named_as_a_folder_of_the_results(footage):
+    (footage / "a.mp4").rename(footage / "Figures.mp4")
+    run(footage, FACTS, ask=False, find=False)
+    assert list(load_campaign(footage).runs) == ["Figures_2"]

@@ -1,5 +1,6 @@
 """Command new: videos, pictures and measured facts → campaign.yaml, completed with what the pictures show."""
 
+import glob
 import re
 import sys
 from collections import Counter
@@ -25,7 +26,7 @@ from towval.commands.check import IN_FLOOR_AXES, check, for_people
 from towval.commands.console import Outcome, step
 from towval.commands.settings import nested
 from towval.io.atomic import write_text
-from towval.io.campaign import IMAGE_SUFFIXES, board_of, campaign_schema, pictures_of, whole
+from towval.io.campaign import IMAGE_SUFFIXES, OWN_FOLDERS, board_of, campaign_schema, pictures_of, whole
 from towval.io.campaign_text import GUESS, RunClicks, campaign_text, text_in_parts
 from towval.io.images import GrayPictures, stated_size
 from towval.io.schema import faults_of
@@ -218,7 +219,7 @@ def _look_at_files(draft: Draft) -> None:
             raise InputError(f"{draft.folder} holds no video", allowed=f"files ending in {', '.join(VIDEO_SUFFIXES)}")
         for path in videos:
             name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem).lstrip("_-") or "run"
-            while draft.known(f"runs.{name}"):  # a.mp4 beside a.mov
+            while draft.known(f"runs.{name}") or name.lower() in OWN_FOLDERS:  # a.mp4 beside a.mov
                 name += "_2"
             draft.put(f"runs.{name}", {"video": path.as_posix()})
     if not draft.known("camera.resolution_px"):
@@ -251,7 +252,8 @@ def _pattern(pictures: Sequence[Path], name: str) -> tuple[str, str]:
     suffixes = {path.suffix for path in pictures if path.parent == folder}
     others = [path.as_posix() for path in pictures if path.parent != folder]
     mark = f"Pictures in other folders are not used: {some_of(others)}." if others else ""
-    return (folder / f"{name}{suffixes.pop() if len(suffixes) == 1 else ''}").as_posix(), mark
+    where = Path(glob.escape(folder.as_posix()))
+    return (where / f"{name}{suffixes.pop() if len(suffixes) == 1 else ''}").as_posix(), mark
 
 
 def _fill(draft: Draft, ask: bool) -> None:

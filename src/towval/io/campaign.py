@@ -30,7 +30,7 @@ _MOST_PICTURES = 2000
 
 _LEAST_CLICKS_PX2 = 16.0
 
-_OWN_FOLDERS = ("figures", "logs", "benchmarks")
+OWN_FOLDERS = ("figures", "logs", "benchmarks")
 """Names of folders beside those of the runs, in the results."""
 
 
@@ -374,9 +374,9 @@ def _check_some_are_left(runs: dict[str, Any], left_out: dict[str, str]) -> None
 def _run(
     entry: dict[str, Any], resolution_px: list[int], folder: Path, name: str, corners: dict[str, Array | None]
 ) -> Run:
-    if name.lower() in _OWN_FOLDERS:
+    if name.lower() in OWN_FOLDERS:
         raise InputError(
-            f"campaign.yaml: no run may be named {name}", allowed=f"a name that is none of {', '.join(_OWN_FOLDERS)}"
+            f"campaign.yaml: no run may be named {name}", allowed=f"a name that is none of {', '.join(OWN_FOLDERS)}"
         )
     faults = Faults()
     video = faults.attempt(_plain, folder / entry["video"], f"runs.{name}.video")
