@@ -1,5 +1,6 @@
 """MCAP: what is written is what is read, by us and by readers that share no code with us."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from towval.model import (
     Calibration,
     Camera,
     CameraTrack,
+    Choice,
     Comparison,
     Features,
     Finding,
@@ -108,6 +110,24 @@ def test_calibration_round_trip(tmp_path, calibration):
     same(calibration, back)
     same(calibration.camera, back.camera)
     same(calibration.views[0], back.views[0])
+
+
+def test_details_without_a_number_are_json_that_every_program_reads(tmp_path, calibration, track):
+    apart = Choice("tracking", "40", "80", np.inf, "RMS of the measured path")
+    written = replace(calibration, quality={"halves_difference_mm": np.inf}, choices=(apart,))
+    records.write_calibration(tmp_path / "camera.mcap", written, PROVENANCE)
+    records.write_tracks(tmp_path / "track.mcap", {"object": replace(track, choices=(apart,))}, PROVENANCE)
+
+    def refuse(name):
+        raise AssertionError(f"{name} is no JSON")
+
+    for name in ("camera.mcap", "track.mcap"):
+        with (tmp_path / name).open("rb") as stream:
+            (details,) = make_reader(stream).iter_attachments()
+        json.loads(details.data, parse_constant=refuse)
+    back = records.read_calibration(tmp_path / "camera.mcap")
+    assert np.isnan(back.quality["halves_difference_mm"])
+    assert np.isnan(back.choices[0].change_m)
 
 
 def test_tracks_round_trip(tmp_path, track, make_track):

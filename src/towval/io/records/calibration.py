@@ -9,11 +9,13 @@ from towval.io.records.details import (
     choices_in,
     details_with,
     findings_in,
+    json_value,
     plain,
     result_reader,
     rows_of,
     view_in,
     view_out,
+    with_nan,
 )
 from towval.model import Calibration, Floor, View
 
@@ -31,7 +33,7 @@ def write_calibration(path: Path, calibration: Calibration, provenance: dict[str
         "views": [plain(view) for view in calibration.views],
         "findings": rows_of(calibration.findings),
         "choices": rows_of(calibration.choices),
-        "quality": dict(calibration.quality),
+        "quality": {name: json_value(value) for name, value in calibration.quality.items()},
     }
     write_mcap(path, messages, details, provenance)
 
@@ -51,7 +53,7 @@ def read_calibration(path: Path) -> Calibration:
         corner_noise_px=details["corner_noise_px"],
         views=tuple(View(**arrays(view)) for view in details["views"]),
         findings=findings_in(details["findings"]),
-        quality=details["quality"],
+        quality=with_nan(details["quality"]),
         choices=choices_in(details),
     )
 

@@ -35,12 +35,12 @@ def result_reader(read: Reader) -> Reader:
 
 
 def json_value(value: Any) -> Any:
-    """A JSON value: NaN, which JSON does not know, becomes null."""
-    return None if isinstance(value, float) and np.isnan(value) else value
+    """A JSON value: NaN and infinity, which JSON does not know, become null."""
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def plain(value: Any) -> dict[str, Any]:
-    """A dataclass of arrays (n, m), numbers and texts as JSON values; NaN becomes null."""
+    """A dataclass of arrays (n, m), numbers and texts as JSON values; what is not finite becomes null."""
     plain = {}
     for field in dataclasses.fields(value):
         item = getattr(value, field.name)
@@ -82,7 +82,7 @@ def view_in(details: dict[str, Any]) -> tuple[Camera, Floor]:
 
 
 def row_of(value: Any) -> dict[str, Any] | None:
-    """A dataclass of numbers, texts and mappings by the names of its fields; NaN becomes null, and so does None."""
+    """A dataclass of numbers, texts and mappings by the names of its fields; null for None and what is not finite."""
     if value is None:
         return None
     return {name: json_value(item) for name, item in dataclasses.asdict(value).items()}
@@ -100,7 +100,7 @@ def findings_in(found: list[dict[str, str]]) -> tuple[Finding, ...]:
 
 def faults_in(found: list[dict[str, Any]]) -> tuple[VisibleFault, ...]:
     """Visible faults of rows."""
-    return tuple(VisibleFault(**_with_nan(each)) for each in found)
+    return tuple(VisibleFault(**with_nan(each)) for each in found)
 
 
 def statement_out(comparison: Comparison) -> dict[str, Any]:
@@ -126,16 +126,17 @@ def statement_in(details: dict[str, Any]) -> dict[str, Any]:
 
 def explanation_in(found: dict[str, Any] | None) -> Explanation | None:
     """An explanation of its row."""
-    return None if found is None else Explanation(**_with_nan(found) | {"assumed": tuple(found["assumed"])})
+    return None if found is None else Explanation(**with_nan(found) | {"assumed": tuple(found["assumed"])})
 
 
-def _with_nan(found: dict[str, Any]) -> dict[str, Any]:
+def with_nan(found: dict[str, Any]) -> dict[str, Any]:
+    """Values by name, NaN where a file holds null."""
     return {name: np.nan if value is None else value for name, value in found.items()}
 
 
 def choices_in(details: dict[str, Any]) -> tuple[Choice, ...]:
     """Choices of a file's details."""
-    return tuple(Choice(**_with_nan(each)) for each in details["choices"])
+    return tuple(Choice(**with_nan(each)) for each in details["choices"])
 
 
 def details_with(content: McapContent, path: Path, *names: str) -> dict[str, Any]:
