@@ -15,6 +15,7 @@ from towval.calibration.calibrate import CalibrateSettings, calibrate_observatio
 from towval.io.campaign import load_campaign
 from towval.io.video import Video
 from towval.model import Board
+from towval.model.errors import RefusedError
 from towval.model.geometry import lifted
 from towval.optics.plane_uncertainty import pixel_grid
 from towval.optics.projection import project, to_plane
@@ -128,6 +129,22 @@ def test_more_points_are_taken_where_only_the_simulated_path_needs_them(filmed, 
     monkeypatch.setattr("towval.selection.sample_points.simulate", far_apart)
     settings, _ = track_selecting(frames, *known, clicks, TrackSettings(), given.scene, simulation=asked)
     assert settings.samples == TRACK_SAMPLES[-1]
+
+
+@pytest.mark.parametrize(("fails", "samples"), [("fewer", TRACK_SAMPLES[-1]), ("more", TRACK_SAMPLES[0])])
+def test_the_number_of_points_whose_path_can_be_simulated_is_taken(filmed, monkeypatch, fails, samples):
+    given, calibration, frames, clicks = filmed
+    calls = iter(("more", "fewer"))
+
+    def fails_once(*run):
+        if next(calls) == fails:
+            raise RefusedError("no tow")
+        return simulate(*run)
+
+    monkeypatch.setattr("towval.selection.sample_points.simulate", fails_once)
+    known = known_as(calibration, given.bodies, 10.0)
+    settings, _ = track_selecting(frames, *known, clicks, TrackSettings(), given.scene)
+    assert settings.samples == samples
 
 
 def test_a_run_that_cannot_be_simulated_is_tracked_all_the_same(filmed):

@@ -67,13 +67,20 @@ def track_selecting(
 
 
 def _carried(
-    simulated: Callable[[Mapping[str, Track]], SimulatedMotion], one: Mapping[str, Track], other: Mapping[str, Track]
+    simulated: Callable[[Mapping[str, Track]], SimulatedMotion], fewer: Mapping[str, Track], more: Mapping[str, Track]
 ) -> float:
-    """RMS distance [m] of the paths simulated from two sets of tracks; NaN where one cannot be simulated."""
+    """RMS distance [m] of the paths simulated from two sets of tracks.
+
+    NaN where the tracks of ``more`` points cannot be simulated, and infinite where only those of ``fewer`` cannot.
+    """
+    # The stages decimate and simulate raise the same error and report it with its remedy.
     try:
-        first, second = simulated(one), simulated(other)
+        second = simulated(more)
     except TowvalError:
-        # The stages decimate and simulate raise the same error and report it with its remedy.
         return float("nan")
+    try:
+        first = simulated(fewer)
+    except TowvalError:
+        return float("inf")
     _, rows, others = np.intersect1d(first.time_s, second.time_s, return_indices=True)
     return rms_length(first.pose[rows] - second.pose[others])
