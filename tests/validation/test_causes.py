@@ -76,9 +76,11 @@ def test_what_acts_by_its_size_stays_above_zero_and_nothing_is_sought_beyond_twe
     assert found.off[1] == 20
 
 
-def test_a_scene_that_cannot_be_simulated_has_no_maximum(right):
+@pytest.mark.parametrize("fails", [lambda off: np.abs(off) > 0.3, lambda off: off == 0], ids=["away", "at the start"])
+def test_a_scene_that_cannot_be_simulated_has_no_maximum(right, fails):
     def acts(off):
-        return np.where(np.abs(off[:, :1, None]) > 0.3, np.nan, np.tensordot(off, SHAPES, 1))
+        failed = fails(off[:, :1]) & (off[:, 1:] == 0).all(axis=1, keepdims=True)
+        return np.where(failed[..., None], np.nan, np.tensordot(off, SHAPES, 1))
 
     error = SHAPES[1]
     found_by = Causes(right, right.effects, SWING, unknowns(), lambda off: error + acts(off))

@@ -159,7 +159,9 @@ class Causes:
         return flat @ self.whiten.T, swings
 
     def _slopes(self, off: Array, error: Array) -> tuple[Array, Array] | None:
-        """Gauss-Newton matrix (d, d) and half the gradient (d,) of an error's cost; None if a simulation fails."""
+        """Gauss-Newton matrix (d, d) and half the gradient (d,) of an error's cost; None if a simulation failed."""
+        if not np.isfinite(error).all():
+            return None
         sides = _DIFFERENCE * np.repeat(np.eye(len(off)), 2, axis=0)
         sides[1::2] *= -1
         tried = self.unknowns.allowed(off + sides)
