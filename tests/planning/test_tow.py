@@ -108,6 +108,32 @@ def test_an_object_first_seen_after_the_rover_cannot_be_towed(tmp_path):
         read_tow(recording(tmp_path / "a.mcap", [0.0, 1.0], [5.0, 6.0]))
 
 
+@pytest.mark.parametrize(
+    ("rover_s", "object_s", "got"),
+    [
+        ([0.0, 1.0, 1.0, 2.0], [0.0], "two at 1 s"),
+        ([0.0, 2.0], [2.0], "none after 2 s"),
+        ([3.0], [0.0], "none after 3"),
+    ],
+)
+def test_poses_of_the_rover_that_drive_no_tow_are_told_with_their_file_and_time(tmp_path, rover_s, object_s, got):
+    with pytest.raises(InputError, match=rf"a\.mcap drive no tow(.|\n)*got: {got}"):
+        read_tow(recording(tmp_path / "a.mcap", rover_s, object_s))
+
+
+@pytest.mark.parametrize("topic", ["/rover/pose", "/object/pose"])
+def test_a_pose_that_is_not_finite_is_told_with_its_file_and_time(tmp_path, topic):
+    unknown = {topic: np.array([np.nan, 0.0, 0.0])}
+    messages = [
+        Message(name, k * 10**9, stamped_pose(float(k), unknown.get(name, np.zeros(3)) if k == 1 else np.zeros(3)))
+        for name in ("/rover/pose", "/object/pose")
+        for k in range(3)
+    ]
+    write_mcap(tmp_path / "a.mcap", messages, {}, {})
+    with pytest.raises(InputError, match=rf"{topic} of .*a\.mcap holds poses(.|\n)*the first at 1 s"):
+        read_tow(tmp_path / "a.mcap")
+
+
 def beginning(file, apart_m):
     """A rover that drives off at 0.1 m/s, its hinge at first so far ahead of the anchor of an object at rest."""
     poses = {"/rover/pose": [[0.2 + apart_m + 0.1 * t, 0.0, 0.0] for t in range(5)], "/object/pose": [[0.0, 0.0, 0.0]]}

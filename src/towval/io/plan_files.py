@@ -75,7 +75,15 @@ def _stamped_poses(content: McapContent, path: FilePath, body: str, topics: Sequ
         if values:
             values = sorted(values, key=ros.stamp_ns)
             times_s = np.array([ros.stamp_ns(value) for value in values], dtype=np.float64) / NANOSECONDS_PER_SECOND
-            return times_s, planar_poses([getattr(value.pose, "pose", value.pose) for value in values])
+            poses = planar_poses([getattr(value.pose, "pose", value.pose) for value in values])
+            finite = np.isfinite(poses).all(axis=1)
+            if not finite.all():
+                raise InputError(
+                    f"{topic} of {path} holds poses that are not finite",
+                    got=f"the first at {times_s[finite.argmin()]:.6g} s",
+                    remedy="leave out the times at which the pose is not known",
+                )
+            return times_s, poses
     raise InputError(
         f"{path} has no poses of the {body}",
         got=", ".join(sorted(content.topics)) or "no topics",
@@ -91,8 +99,9 @@ def read_tow(path: FilePath) -> tuple[Array, Array, Array]:
     topic is ``/object/pose``, else ``/object/pose_simulated``. The file may be a plan, a measured track or a recording
     of somebody else's. Times are those of the headers: a recording's own are when the messages arrived.
 
-    Raises `InputError` when the file is missing, damaged or without one of these topics, or one holds other messages,
-    or the object is first seen after the last pose of the rover.
+    Raises `InputError` when the file is missing, damaged or without one of these topics, or one holds other messages or
+    poses that are not finite, or the object is first seen after the last pose of the rover, or the rover has one pose
+    only from there on, or two at one time.
     """
     content = read_mcap(path, only=(*_ROVER, *_OBJECT))
     times_s, poses = _stamped_poses(content, path, "rover", _ROVER)
@@ -104,8 +113,16 @@ def read_tow(path: FilePath) -> tuple[Array, Array, Array]:
             got=f"the object from {first:.6g} s on, the rover until {times_s[-1]:.6g} s",
         )
     later = times_s > first
+    driven_s = np.r_[first, times_s[later]]
+    again = np.flatnonzero(np.diff(driven_s) <= 0)
+    if len(driven_s) < 2 or len(again):
+        raise InputError(
+            f"the poses of the rover in {path} drive no tow",
+            got=f"two at {driven_s[again[0]]:.6g} s" if len(again) else f"none after {first:.6g} s",
+            allowed="two or more from where the object is known, each at a time of its own",
+        )
     start, rover = _pose_at(first, object_times_s, object_poses), _pose_at(first, times_s, poses)
-    return np.r_[first, times_s[later]], np.vstack([rover, poses[later]]), start
+    return driven_s, np.vstack([rover, poses[later]]), start
 
 
 def _pose_at(time_s: float, times_s: Array, poses: Array) -> Array:
