@@ -80,7 +80,7 @@ def _stamped_poses(content: McapContent, path: FilePath, body: str, topics: Sequ
             if not finite.all():
                 raise InputError(
                     f"{topic} of {path} holds poses that are not finite",
-                    got=f"the first at {times_s[finite.argmin()]:.6g} s",
+                    got=f"the first at {times_s[finite.argmin()]:.12g} s",
                     remedy="leave out the times at which the pose is not known",
                 )
             return times_s, poses
@@ -110,7 +110,7 @@ def read_tow(path: FilePath) -> tuple[Array, Array, Array]:
     if first > times_s[-1]:
         raise InputError(
             f"the object is first seen after the last pose of the rover in {path}",
-            got=f"the object from {first:.6g} s on, the rover until {times_s[-1]:.6g} s",
+            got=f"the object from {first:.12g} s on, the rover until {times_s[-1]:.6g} s",
         )
     later = times_s > first
     driven_s = np.r_[first, times_s[later]]
@@ -118,7 +118,7 @@ def read_tow(path: FilePath) -> tuple[Array, Array, Array]:
     if len(driven_s) < 2 or len(again):
         raise InputError(
             f"the poses of the rover in {path} drive no tow",
-            got=f"two at {driven_s[again[0]]:.6g} s" if len(again) else f"none after {first:.6g} s",
+            got=f"two at {driven_s[again[0]]:.12g} s" if len(again) else f"none after {first:.6g} s",
             allowed="two or more from where the object is known, each at a time of its own",
         )
     start, rover = _pose_at(first, object_times_s, object_poses), _pose_at(first, times_s, poses)

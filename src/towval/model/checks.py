@@ -24,9 +24,25 @@ def locked(values: ArrayLike, name: str, shape: tuple[int | None, ...], *, finit
         wanted = " × ".join("any" if n is None else str(n) for n in shape)
         raise InputError(f"{name} has the wrong shape", got=array.shape, allowed=wanted)
     if finite and not np.isfinite(array).all():
-        raise InputError(f"{name} holds values that are not finite", allowed="finite numbers")
+        first = np.unravel_index(np.isfinite(array).argmin(), array.shape)
+        where = f" at [{', '.join(map(str, first))}]" if first else ""
+        raise InputError(
+            f"{name} holds values that are not finite", got=f"{array[first]}{where}", allowed="finite numbers"
+        )
     array.setflags(write=False)
     return array
+
+
+def increasing(times_s: Array, name: str, least: int = 0) -> None:
+    """Refuse times (n,) [s] that do not strictly increase, and fewer than ``least``."""
+    falls = np.flatnonzero(~(np.diff(times_s) > 0))
+    if len(times_s) < least or len(falls):
+        pair = times_s[falls[0] : falls[0] + 2] if len(falls) else None
+        raise InputError(
+            f"{name} are too few or do not increase" if least else f"{name} do not increase",
+            got=f"{len(times_s)} of them" if pair is None else f"{pair[1]:.12g} s after {pair[0]:.12g} s",
+            allowed=f"{least} or more, strictly increasing" if least else "strictly increasing times",
+        )
 
 
 def numbers_of(values: ArrayLike, name: str, width: int | None = None) -> Array:

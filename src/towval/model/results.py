@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from towval.model.checks import Array, lock, short_repr
+from towval.model.checks import Array, increasing, lock, short_repr
 from towval.model.choices import Choice
 from towval.model.errors import InputError
 from towval.model.findings import Finding
@@ -38,8 +38,7 @@ class TimedPath:
     def __post_init__(self) -> None:
         lock(self, time_s=(None,))
         lock(self, position=(len(self.time_s), 2))
-        if len(self.time_s) > 1 and not (np.diff(self.time_s) > 0).all():
-            raise InputError("the times of the path do not increase", allowed="strictly increasing times")
+        increasing(self.time_s, "the times of the path")
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from towval.model.camera import Camera, Floor
-from towval.model.checks import Array, lock, lock_whole, locked, positive
+from towval.model.checks import Array, increasing, lock, lock_whole, locked, positive
 from towval.model.choices import Choice
 from towval.model.errors import InputError
 from towval.model.findings import Finding
@@ -194,8 +194,7 @@ class Track:
         lock_whole(self, np.uint8, "status")
         if self.status.shape != (n,):
             raise InputError("Track.status has the wrong shape", got=self.status.shape, allowed=f"{n}")
-        if n > 1 and not (np.diff(self.time_s) > 0).all():
-            raise InputError(f"the times of the {self.body} track do not increase", allowed="strictly increasing times")
+        increasing(self.time_s, f"the times of the {self.body} track")
         seen = self.status != TrackStatus.LOST
         if not np.isfinite(self.pose[seen]).all() or np.isfinite(self.pose[~seen]).any():
             raise InputError(
@@ -244,12 +243,7 @@ class DecimatedTrack:
         m = len(self.time_s)
         lock(self, time_s=(m,), pose=(m, 3), rate=(m, 3), covariance=(m, 3, 3), noise=(3,), misfit=(3,))
         object.__setattr__(self, "pauses", locked(np.reshape(self.pauses, (-1, 2)), "DecimatedTrack.pauses", (None, 2)))
-        if m < 2 or not (np.diff(self.time_s) > 0).all():
-            raise InputError(
-                f"the decimated {self.body} track is too short or its times do not increase",
-                got=m,
-                allowed="two points or more at increasing times",
-            )
+        increasing(self.time_s, f"the times of the decimated {self.body} track", 2)
 
     def poses_at(self, time_s: ArrayLike) -> Array:
         """Poses (..., 3) [m, m, rad] of the cubic at times (...,) [s], NaN outside."""

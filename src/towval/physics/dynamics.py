@@ -25,7 +25,7 @@ from towval.model import (
     TowedObject,
     locked,
 )
-from towval.model.checks import instance_of, positive
+from towval.model.checks import increasing, instance_of, positive
 from towval.model.conventions import GRAVITY_M_PER_S2
 from towval.model.errors import InputError
 from towval.model.findings import finding
@@ -312,10 +312,7 @@ def _spatial_motion(
 def checked_times(times: ArrayLike) -> Array:
     """Times to report as an array; :class:`InputError` where there are fewer than two or they do not increase."""
     times = locked(times, "times", (None,)).copy()
-    if len(times) < 2 or not (np.diff(times) > 0).all():
-        raise InputError(
-            "the times to report cannot be used", got=f"{len(times)} times", allowed="two or more, increasing"
-        )
+    increasing(times, "the times to report", 2)
     return times
 
 
