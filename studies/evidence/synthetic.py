@@ -82,7 +82,8 @@ def _known_errors() -> Values:
     """Of each world what is left of u_D and of bounds given E, least and most [%], and how many bounds hold by both."""
     runs = list(bound_given_error.known_errors(range(6200, 6210), 512))
     found: dict[str, float] = {}
-    for world, own in {world: [each for each in runs if each.world == world] for world in bound_given_error.TRIED}.items():
+    for world in bound_given_error.TRIED:
+        own = [each for each in runs if each.world == world]
         left = {
             "u_D": [100 * each.u_d_given / each.u_d for each in own],
             "bound": [100 * each.bound_given / each.bound for each in own],
