@@ -161,3 +161,13 @@ def test_other_waves_of_six_pixels_and_longer_do_not_look_alike_by_chance(seed):
     own = painted_target()
     first, last = (picture(own, grey=texture(each, finest_m=0.08)) for each in (2 * seed, 2 * seed + 1))
     assert standing_still(first, last, own, POSE) == []
+
+
+def test_a_smooth_top_that_moves_is_no_overlay():
+    """Its windows are ramps, and many a ramp of one place rises the way that of another does."""
+    own, rng = painted_target(0.5, 0.35), np.random.default_rng(3)
+    spots = cv2.GaussianBlur(rng.normal(0, 1, (300, 400)), (0, 0), 12.0)
+    spots = np.clip(128 + 45 * spots / spots.std(), 0, 255).round().astype(np.uint8)
+    shifted = [spots[30 : 30 + 240, u : u + 320] for u in range(0, 80, 8)]
+    first, others = np.ascontiguousarray(shifted[0]), [np.ascontiguousarray(each) for each in shifted[3:]]
+    assert [len(standing_still(first, last, own, POSE)) for last in others] == [0] * len(others)

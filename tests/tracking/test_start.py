@@ -31,7 +31,7 @@ from towval.tracking.clicks import (
 )
 from towval.tracking.co_moving import co_moving, moving_along
 from towval.tracking.markers import clicks_from_tags
-from towval.tracking.outline import pose_from_clicks
+from towval.tracking.outline import observe_outline, pose_from_clicks
 from towval.tracking.outline_search import OutlineSearch, alike, symmetry_of
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.start import (
@@ -129,6 +129,20 @@ def test_clicks_on_lines_of_the_floor_do_not_speak_against_other_places(with_the
     later = picture(own, moved, grey=lambda xy: np.full(len(xy), 150.0)) if with_the_body else lines
     views = [(lines, np.zeros(3)), (later, step)]
     assert _with_edges(own, views, POSE, [(0.9, faint)]) == [(0.9, faint)] * others_count
+
+
+@pytest.mark.parametrize(("beside_px", "left"), [([5.0, -6.0], 0), ([12.0, -5.0], 0), ([0.0, 0.3], 1)])
+def test_a_shadow_of_the_shape_of_the_top_does_not_speak_against_clicks(beside_px, left):
+    """Under a lamp as high as the camera a body's shadow looks as large as its top: only the top hides a part of it."""
+    own = painted_target(0.5, 0.35)
+    beside = compose(POSE, own.metres_per_pixel(POSE) * np.array([*beside_px, 0.0]))
+    floor = picture(own, grey=lambda xy: np.full(len(xy), 96.0))
+    for pose, grey in ((beside, 40), (POSE, 150)):
+        there = picture(own, pose, grey=lambda xy: np.ones(len(xy)), around=0.0) > 0
+        floor[there] = grey
+    luma = np.clip(floor + np.random.default_rng(1).normal(0, 1.5, floor.shape), 0, 255).round().astype(np.uint8)
+    assert observe_outline(luma, own, beside) is not None
+    assert len(_with_edges(own, [(luma, np.zeros(3))], POSE, [(0.9, beside)])) == left
 
 
 @pytest.mark.parametrize(("beside_px", "corrected"), [([-36], True), ([-36, 36], False)])

@@ -122,15 +122,18 @@ def _with_edges(
 ) -> list[tuple[float, Array]]:
     """Those of the places found, with their scores, that show the top's edges, where the clicks surely do.
 
-    A search looks at contrast along the whole outline, of which light on the top may make more elsewhere. Clicks may
-    also lie on lines of the floor: these stay behind where the body moves, so edges count that all views show.
+    A search looks at contrast along the whole outline, of which light on the top may make more elsewhere. So does the
+    body's own shadow, which has the shape of the top, and the way along a sledge, whose ends are but a small part of
+    its outline: there the edges are seen, but not as surely. Clicks may also lie on lines of the floor: these stay
+    behind where the body moves, so edges count that all views show.
     """
     least_m = FOLLOW.unsure_edges_px * target.metres_per_pixel(clicked)
-    for luma, step in views:
-        fit = observe_outline(luma, target, compose(step, clicked))
-        if fit is None or fit.largest_std_m > least_m:
-            return list(found)
-    return [(score, place) for score, place in found if observe_outline(views[0][0], target, place) is not None]
+    at_clicks = (observe_outline(luma, target, compose(step, clicked)) for luma, step in views)
+    stds_m = [fit.largest_std_m for fit in at_clicks if fit is not None]
+    if len(stds_m) < len(views) or max(stds_m) > least_m:
+        return list(found)
+    there = ((entry, observe_outline(views[0][0], target, entry[1])) for entry in found)
+    return [entry for entry, fit in there if fit is not None and fit.largest_std_m < OUTLINE.nearly_as_sure * stds_m[0]]
 
 
 def _misled(target: PlanarTarget, pictures: Sequence[Luma], clicked: Array, place: Array) -> bool:

@@ -23,6 +23,7 @@ class OverlayConstants:
     least_contrast: float = 6.0  # [grey levels] Deviation in a window: twice a camera's noise.
     same: float = 0.9  # Correlation of two pictures of the same thing,
     other: float = 0.5  # and at most of two pictures of different ones.
+    kept: float = 0.5  # Share of an overlay that keeps its grey values: at its border the top beside it changes.
     gap_px: int = 15  # [px] Gaps between letters that are closed, so that digits that change are included.
     least_share: float = 0.02  # Of the top: a smaller overlay does not disturb a tracker.
     least_changed: float = 0.2  # Share of the top's texture that must change; else the body never left its place.
@@ -46,20 +47,33 @@ def standing_still(first: Luma, last: Luma, target: PlanarTarget, pose: Array) -
     box = slice(low[1], high[1]), slice(low[0], high[0])
     top = np.zeros(first[box].shape, np.uint8)
     cv2.fillPoly(top, [corners - low.astype(np.int32)], 1)
-    likeness, textured = _likeness(first[box].astype(np.float32), last[box].astype(np.float32))
+    likeness, kept, textured = _likeness(first[box].astype(np.float32), last[box].astype(np.float32))
     textured &= top > 0
     if (textured & (likeness < CONSTANTS.other)).sum() < CONSTANTS.least_changed * textured.sum():
         return []
-    still = (textured & (likeness > CONSTANTS.same)).astype(np.uint8)
-    still = np.asarray(cv2.morphologyEx(still, cv2.MORPH_CLOSE, np.ones((CONSTANTS.gap_px,) * 2, np.uint8)))
-    outlines, _ = cv2.findContours(still, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+    alike = textured & (likeness > CONSTANTS.same)
+    still = cv2.morphologyEx(alike.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((CONSTANTS.gap_px,) * 2, np.uint8))
+    outlines, _ = cv2.findContours(np.asarray(still), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     large = [each for each in outlines if cv2.contourArea(each) > CONSTANTS.least_share * top.sum()]
+    large = [each for each in large if kept[_within(each, top.shape) & alike].mean() > CONSTANTS.kept]
     hulls = [cv2.convexHull(each).reshape(-1, 2) + low for each in large]
     return [inverse_transform(pose, target.floor_xy(hull.astype(np.float64))) for hull in hulls]
 
 
-def _likeness(one: Floats, other: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Correlation of two pictures in a window around each pixel, and where the first one shows something."""
+def _within(outline: cv2.typing.MatLike, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Pixels (height, width) within an outline."""
+    filled = np.zeros(shape, np.uint8)
+    cv2.drawContours(filled, [outline], 0, (1,), cv2.FILLED)
+    return filled > 0
+
+
+def _likeness(one: Floats, other: Floats) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Correlation of two pictures in a window around each pixel; where they have the same grey values, too; and where
+    the first one shows something.
+
+    Of a smooth top any window is a ramp, and ramps of two places that rise the same way correlate. What is drawn over a
+    video keeps its grey values as well (concordance; Lin, Biometrics 45, 255, 1989).
+    """
 
     def mean(values: Floats) -> Floats:
         return np.asarray(cv2.blur(values, (CONSTANTS.window_px,) * 2), dtype=np.float32)
@@ -67,5 +81,7 @@ def _likeness(one: Floats, other: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     middle, beside = mean(one), mean(other)
     spread = np.sqrt(np.maximum(mean(one * one) - middle**2, 1e-3))
     beyond = np.sqrt(np.maximum(mean(other * other) - beside**2, 1e-3))
-    likeness = (mean(one * other) - middle * beside) / (spread * beyond)
-    return np.asarray(likeness, dtype=np.float32), spread > CONSTANTS.least_contrast
+    common = mean(one * other) - middle * beside
+    concordance = 2 * common / (spread**2 + beyond**2 + (middle - beside) ** 2)
+    likeness = np.asarray(common / (spread * beyond), dtype=np.float32)
+    return likeness, concordance > CONSTANTS.same, spread > CONSTANTS.least_contrast
