@@ -218,6 +218,17 @@ def test_a_camera_carried_round_a_board_on_the_floor_is_calibrated(tmp_path):
     assert not {"held-differ", "held-flipped"} & {each.code for each in found.findings}
 
 
+def test_a_picture_that_differs_by_chance_alone_is_not_named(scene, monkeypatch):
+    """It was named as "magnified by +0.00 %, shifted by (0.1, 0.0) px", which is the mean of those that are like it."""
+    shifts = dict.fromkeys((each.name for each in scene.seen.observations[:-1]), 0.2) | {held(scene)[3]: 1.1}
+    crops = {name: Crop(shift_px=np.array([shift, 0.0]), std_px=0.1) for name, shift in shifts.items()}
+    monkeypatch.setattr(behind_boards, "_crops", lambda *_: crops)
+    found, dropped, findings = as_floor_shows(scene.seen, [], 1)
+    assert all(a is b for a, b in zip(found.boards, scene.seen.boards, strict=True))
+    assert not dropped
+    assert not findings
+
+
 @pytest.mark.parametrize(("shift_px", "differs"), [(3.0, False), (5.5, True)])
 def test_a_shift_differs_from_four_deviations_on(shift_px, differs):
     held = Crop(shift_px=np.array([shift_px, 0.0]), std_px=1.0)

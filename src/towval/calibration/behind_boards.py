@@ -115,14 +115,15 @@ def as_floor_shows(
             (finding("held-flipped", names=some_of(flipped), flip=seen[flipped[0]].flip, by=behind),),
         )
     known = {name: crop for name, crop in all_crops.items() if crop is not None and not crop.flip}
+    known = {
+        name: _mean([each for each in known.values() if not each.differs(crop, size)]) for name, crop in known.items()
+    }
+    # One that differs by chance does so no more in the mean of those that are like it.
     differ = [name for name, crop in known.items() if crop.differs(Crop(), size)]
     held_differ = [name for name in differ if name in seen]
     kept = _undoubted(observed) if held_differ or 2 * len(seen) >= len(crops) else observed
     if not differ:
         return kept, {}, ()
-    known = {
-        name: _mean([each for each in known.values() if not each.differs(crop, size)]) for name, crop in known.items()
-    }
     seen = {name: known[name] for name in seen}
     of_held = [Crop()] if not held_differ else list(seen.values())
     usual = None if _several(of_held, size) else of_held[0]
