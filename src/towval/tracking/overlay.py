@@ -68,8 +68,7 @@ def _within(outline: cv2.typing.MatLike, shape: tuple[int, ...]) -> NDArray[np.b
 
 
 def _likeness(one: Floats, other: Floats) -> tuple[Floats, NDArray[np.bool_], NDArray[np.bool_]]:
-    """Correlation of two pictures in a window around each pixel; where they have the same grey values, too; and where
-    the first one shows something.
+    """Correlation of two pictures around each pixel, where grey values are the same, and where the first one shows any.
 
     Of a smooth top any window is a ramp, and ramps of two places that rise the same way correlate. What is drawn over a
     video keeps its grey values as well (concordance; Lin, Biometrics 45, 255, 1989).
