@@ -163,9 +163,10 @@ def test_other_waves_of_six_pixels_and_longer_do_not_look_alike_by_chance(seed):
     assert standing_still(first, last, own, POSE) == []
 
 
-def test_a_smooth_top_that_moves_is_no_overlay():
+@pytest.mark.parametrize("seed", [3, 11])  # In one picture of the second, 38 % of what is alike is so in grey as well.
+def test_a_smooth_top_that_moves_is_no_overlay(seed):
     """Its windows are ramps, and many a ramp of one place rises the way that of another does."""
-    own, rng = painted_target(0.5, 0.35), np.random.default_rng(3)
+    own, rng = painted_target(0.5, 0.35), np.random.default_rng(seed)
     spots = cv2.GaussianBlur(rng.normal(0, 1, (300, 400)), (0, 0), 12.0)
     spots = np.clip(128 + 45 * spots / spots.std(), 0, 255).round().astype(np.uint8)
     shifted = [spots[30 : 30 + 240, u : u + 320] for u in range(0, 80, 8)]

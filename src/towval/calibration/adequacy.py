@@ -221,7 +221,8 @@ def floor_findings(
     for height in heights_m:
         plane = uncertainty_map(calibration, height)
         if plane.rms_m > limit_m:
-            std = np.where(np.isfinite(plane.std_m), plane.std_m, np.inf)
+            # Where the lens model ends, a pixel has no place at all.
+            std = np.where(np.isfinite(plane.std_m), plane.std_m, 0.0)
             worst = np.unravel_index(np.argmax(std), std.shape)
             (u, v), size = plane.pixels[worst], {"rms_mm": 1e3 * plane.rms_m, "worst_mm": 1e3 * std[worst]}
             return [finding("floor-extrapolated", covered_percent=covered_percent, height_m=height, **size, u=u, v=v)]

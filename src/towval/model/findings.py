@@ -143,7 +143,7 @@ register(  # calibrate
         "halves-disagree", "calibrate", WARNING, WIDENS_CAMERA,
         "Two halves of the views, calibrated separately, differ by {found_mm:.1f} mm on the plane at {height_m:.2f} "
         "m where the corner noise explains {expected_mm:.1f} mm. An assumption is violated: a bent board, a focus or "
-        "zoom that changed, a board moved during the exposure.",
+        "zoom that changed, a board moved during the exposure, a lens that no lens model here describes (a fisheye).",
     ),
     FindingType(
         "floor-extrapolated", "calibrate", WARNING, NONE,
