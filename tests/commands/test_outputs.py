@@ -19,7 +19,7 @@ from towval.commands.run_folder import check_spared
 from towval.io.atomic import write_text
 from towval.io.campaign import load_campaign, names_in
 from towval.io.exchange import write_layouts
-from towval.io.manifest import check_results
+from towval.io.manifest import MANIFEST, check_results
 from towval.io.mcap_file import check_replaceable, write_mcap
 from towval.io.provenance import provenance
 from towval.io.records import write_tracks
@@ -254,6 +254,12 @@ def test_results_never_go_into_the_campaign_or_over_files_of_the_lab(tmp_path):
     (tmp_path / "out" / "lab" / "figures" / "mine.png").write_bytes(b"")
     with pytest.raises(InputError, match="towval did not make"):
         check_results(tmp_path / "out", {"lab": Lab(lab)})
+    (tmp_path / "out" / "lab" / MANIFEST).write_text("a list of the lab\n")
+    with pytest.raises(InputError, match="towval did not make"):
+        check_results(tmp_path / "out", {"lab": Lab(lab)})
+    # A report made by hand has a list and no logs.
+    (tmp_path / "out" / "lab" / MANIFEST).write_text(f"{'0' * 64}  figures/mine.png\n")
+    check_results(tmp_path / "out", {"lab": Lab(lab)})
     with pytest.raises(InputError, match="brace"):
         check_results(tmp_path / "{x}", {"lab": Lab(lab)})
     with pytest.raises(InputError, match="<b> in its path"):
