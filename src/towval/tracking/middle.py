@@ -29,6 +29,11 @@ def about_middle(body: Body) -> Body:
     return replace(body, top_corners_m=body.top_corners_m - middle, obstructions=obstructions)
 
 
+def pose_of(body: Body, pose: Array) -> Array:
+    """Poses (..., 3) of a body's own frame, from those of the frame at the middle of its top."""
+    return compose(pose, np.array([*-middle_of(body), 0.0]))
+
+
 def registration_of(body: Body, covariance: Array) -> Array:
     """Covariance (3, 3) of a correction in the frame at the middle, for the same correction in the body's own frame."""
     return _at(covariance, -middle_of(body))
@@ -43,7 +48,7 @@ def track_of(body: Body, track: Track) -> Track:
     total = track.total_covariance
     return replace(
         track,
-        pose=compose(track.pose, np.array([*shift, 0.0])),
+        pose=pose_of(body, track.pose),
         covariance=_at(track.covariance, lever),
         start_covariance=_at(track.start_covariance, shift),
         total_covariance=None if total is None else _at(total, lever),

@@ -13,7 +13,7 @@ from towval.model import Array, Body, Calibration, TowingScene
 from towval.model.errors import InputError
 from towval.model.geometry import compose, transform
 from towval.tracking.co_moving import co_moving, moving_along
-from towval.tracking.middle import about_middle, middle_of, registration_of
+from towval.tracking.middle import about_middle, middle_of, pose_of, registration_of
 from towval.tracking.outline import settled
 from towval.tracking.outline_search import OutlineSearch, alike, symmetry_of
 from towval.tracking.planar_target import PlanarTarget
@@ -148,8 +148,7 @@ def find_starts(
     for body, target, place, pose, doubt in zip(bodies, targets, choice, poses, doubts, strict=True):
         placed, spread = settled(target, place.views, pose)
         corners, spread = target.pixels(target.body.top_corners_m, placed), registration_of(body, spread)
-        own = compose(placed, np.array([*-middle_of(body), 0.0]))
-        starts[body.name] = Start(own, corners, place.score, spread, doubt or turn_doubt)
+        starts[body.name] = Start(pose_of(body, placed), corners, place.score, spread, doubt or turn_doubt)
     return starts
 
 
