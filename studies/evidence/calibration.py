@@ -13,7 +13,7 @@ from studies.evidence.ledger import Check, Values
 from studies.evidence.planting import both, given, replaced
 from studies.evidence.real import DEVIATIONS_WRONG
 from studies.real import jackknife
-from studies.tables import calibration_table
+from studies.tables import calibration_table, fisheyes
 from studies.worlds.boards import BoardFaults, CornerScene, calibration_set
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
 from towval.calibration.doubts import doubts_std
@@ -100,6 +100,30 @@ def _normalised() -> Values:
 
 
 NORMALISED = Check(_normalised, DEVIATIONS_WRONG)
+
+
+def _fisheyes() -> Values:
+    """Errors of fisheyes by the lens that is chosen, and by pinhole models alone."""
+    found: dict[str, float] = {}
+    for focal_px in fisheyes.FOCALS_PX:
+        for name, errors in fisheyes.errors_mm(range(9400, 9410), focal_px).items():
+            found |= {f"{focal_px:g} px, {name}, {key}": value for key, value in fisheyes.summary(errors).items()}
+    return found
+
+
+def _pinholes_only(original: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda views, settings, *rest: original(views, replace(settings, lens_models=fisheyes.PINHOLES), *rest)
+
+
+FISHEYES = Check(
+    _fisheyes,
+    {
+        "no model of a fisheye is tried": replaced(fisheyes, "calibrate_observations", _pinholes_only),
+        "the lens is three times as long, so that it bends little": replaced(
+            fisheyes, "fisheye_lab", lambda original: lambda seed, focal_px: original(seed, 3 * focal_px)
+        ),
+    },
+)
 
 
 def doubted(scene: CornerScene) -> CornerScene:

@@ -14,10 +14,12 @@ from studies.evidence.ledger import Check, Values
 from studies.evidence.planting import both, flawed, moved, numbers_of, replaced, result_of
 from studies.real import clips, displaced_windows, feet_study, jackknife, measured_pushes, program_pushes
 from studies.real.push_data import PROGRAMMED_HEIGHT_M, TIP_HEIGHT_M, PushLog, read_logs
-from towval.calibration import bundle_adjustment, marks_alone, view_covariance
+from towval.calibration import bundle_adjustment, doubts, marks_alone, sound_views, view_covariance
 from towval.calibration.bundle_adjustment import marginal_covariance
 from towval.calibration.lens import LENS_MODELS
 from towval.calibration.marks_alone import calibrate_marks
+from towval.calibration.observations import CalibrationObservations
+from towval.calibration.sound_views import adjust_sound_views
 from towval.model import Array, FloorReference, Patch, Track
 from towval.physics.spatial import problem as spatial_problem
 from towval.tracking.follow import Follower
@@ -276,6 +278,44 @@ JACKKNIFE = Check(
         "the places of the boards are taken for known, corners apart and together": both(
             replaced(view_covariance, "whitened", _derivatives_at_known_places),
             replaced(jackknife, "marginal_covariance", _at_known_places),
+        ),
+    },
+    needs=("real/opencv_left", "real/gopro_wide_calib"),
+)
+
+
+def _lenses() -> Values:
+    """Which lens is chosen for photographs, and the errors of views that are held out."""
+    folder, found = shared_folder() / "real", dict[str, float | str]()
+    for name in jackknife.SETS:
+        adjusted = adjust_sound_views(jackknife.photographs(folder / name), tuple(LENS_MODELS), 6, 4.0)
+        chosen, better = adjusted.settled.chosen, adjusted.fisheye
+        found |= {f"{name}, lens": chosen.model, f"{name}, held out": float(np.sqrt(chosen.score_px2))}
+        found[f"{name}, fisheye named"] = "none" if better is None else better.model
+        if better is not None:
+            found[f"{name}, fisheye, held out"] = float(np.sqrt(better.score_px2))
+    return found
+
+
+def _noisier(seen: CalibrationObservations) -> CalibrationObservations:
+    rng = np.random.default_rng(0)
+    boards = (replace(one, corners_px=one.corners_px + rng.normal(0, 0.3, one.corners_px.shape)) for one in seen.boards)
+    return replace(seen, boards=tuple(boards))
+
+
+LENSES = Check(
+    _lenses,
+    {
+        "no model of a fisheye is tried": replaced(
+            sound_views, "families", lambda original: lambda models: (original(models)[0], ())
+        ),
+        "corners are 0.3 px off, and of the lenses the smallest is taken": both(
+            replaced(jackknife, "photographs", result_of(_noisier)),
+            replaced(doubts, "choose_lens", lambda _: lambda trials: trials[0]),
+        ),
+        "every lens may be a fisheye, however little the views say so": both(
+            replaced(sound_views, "may_be_fisheye", lambda _: lambda *_: True),
+            replaced(sound_views, "choose_lens", lambda _: lambda trials: trials[0]),
         ),
     },
     needs=("real/opencv_left", "real/gopro_wide_calib"),

@@ -52,14 +52,19 @@ def leave_one_out_std(seen: CalibrationObservations, estimate: Estimate, active:
     return spread
 
 
-def over_jackknife(folder: Path) -> tuple[Array, Array]:
-    """Stated deviations (5,) of :data:`JUDGED` over the jackknife's, and those of independent corners over it."""
-    pattern, corners, lens = SETS[folder.name]
+def photographs(folder: Path) -> CalibrationObservations:
+    """What is seen in one of the :data:`SETS`."""
+    pattern, corners, _ = SETS[folder.name]
     named = [(path.name, _gray(path)) for path in sorted(folder.glob(pattern))]
     observations, _ = find_boards(named, Board("chessboard", corners, 1.0), 2)
     height, width = named[0][1].shape
-    seen = CalibrationObservations((width, height), tuple(observations))
-    estimate, active = fitted(seen, ("none", "k1", "k1 k2", lens))
+    return CalibrationObservations((width, height), tuple(observations))
+
+
+def over_jackknife(folder: Path) -> tuple[Array, Array]:
+    """Stated deviations (5,) of :data:`JUDGED` over the jackknife's, and those of independent corners over it."""
+    seen = photographs(folder)
+    estimate, active = fitted(seen, ("none", "k1", "k1 k2", SETS[folder.name][2]))
     truth = leave_one_out_std(seen, estimate, active)[:5]
     stated = np.sqrt(np.diag(view_covariance.view_covariance(seen.blocks, estimate, active)))[:5]
     alone = np.sqrt(np.diag(marginal_covariance(seen.blocks, estimate, active)[0])[active])[:5]

@@ -188,7 +188,7 @@ def test_pictures_are_not_held_in_memory():
 
 def test_an_unknown_lens_model_is_refused():
     with pytest.raises(InputError, match="lens_models"):
-        CalibrateSettings(lens_models=("k1", "fisheye"))
+        CalibrateSettings(lens_models=("k1", "panoramic"))
 
 
 def test_a_degenerate_set_is_refused_unless_accepted(monkeypatch):

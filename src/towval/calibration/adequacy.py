@@ -127,7 +127,7 @@ def compare_halves(
     if observed.reference is None or len(observed.boards) < 6:
         return []
     active = active_parameters(trial.model, with_floor=True)
-    fits = [_half(observed, trial.estimate, active, start) for start in (0, 1)]
+    fits = [_half(observed, trial, active, start) for start in (0, 1)]
     pixels = pixel_grid(observed.resolution_px, 24).reshape(-1, 2)
     comparisons = []
     for height in heights_m:
@@ -142,7 +142,7 @@ def compare_halves(
 
 
 def _half(
-    observed: CalibrationObservations, estimate: Estimate, active: NDArray[np.intp], start: int
+    observed: CalibrationObservations, trial: LensTrial, active: NDArray[np.intp], start: int
 ) -> tuple[Camera, Floor, Array]:
     boards = range(start, len(observed.boards), 2)
     flat = range(len(observed.boards), len(observed.observations))
@@ -150,8 +150,8 @@ def _half(
     every = observed.blocks
     chosen = [*boards, *first, *flat[len(first) + start :: 2], *range(len(observed.observations), len(every))]
     blocks = [every[i] for i in chosen]
-    fitted = adjust(blocks, estimate.of(chosen), active)
-    camera = Camera(observed.resolution_px, fitted.matrix, fitted.distortion, "")
+    fitted = adjust(blocks, trial.estimate.of(chosen), active)
+    camera = Camera(observed.resolution_px, fitted.matrix, fitted.distortion, trial.model)
     return camera, Floor(fitted.T_camera_floor), marginal_covariance(blocks, fitted, active)[0]
 
 

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.model import CALIBRATION_PARAMETERS, Array
+from towval.model.camera import lens_array
+from towval.optics.projection import project_with_derivatives
 
 DOUBTS = ("size", "bow_x", "bow_y", "bow_xy", "thickness", "held_zoom", "held_u", "held_v")
 """Parameters that are taken as known unless they are fitted as well, each with its stated deviation.
@@ -72,7 +74,8 @@ class Block:
 class Estimate:
     """Shared parameters (18,), the place of each block, and the noise of a corner coordinate [px].
 
-    ``doubts`` (8,) are the values of :data:`DOUBTS`, ``doubts_std`` (8,) their deviations stated before.
+    ``doubts`` (8,) are the values of :data:`DOUBTS`, ``doubts_std`` (8,) their deviations stated before. Of a
+    ``fisheye`` the coefficients of the lens act on the angle of a ray.
     """
 
     shared: Array
@@ -80,6 +83,7 @@ class Estimate:
     noise_px: float = np.nan
     doubts: Array = field(default_factory=lambda: np.zeros(len(DOUBTS)))
     doubts_std: Array = field(default_factory=lambda: np.zeros(len(DOUBTS)))
+    fisheye: bool = False
 
     def of(self, blocks: Iterable[int]) -> "Estimate":
         """The estimate of some of the blocks, by their numbers."""
@@ -95,6 +99,11 @@ class Estimate:
     def distortion(self) -> Array:
         """Lens coefficients (8,)."""
         return self.shared[LENS_START:FLOOR_START]
+
+    @property
+    def lens(self) -> Array:
+        """The coefficients as the kernels take them; see :func:`towval.model.camera.lens_array`."""
+        return lens_array(self.distortion, self.fisheye)
 
     @property
     def T_camera_floor(self) -> Array:
@@ -214,9 +223,8 @@ class Stack:
         origin[self._lying, :2] = places[self._lying, :2]
         in_frame = points @ turn.transpose(0, 2, 1) + origin[:, None]
         in_camera = in_frame @ rotation.transpose(0, 2, 1) + poses[:, None, 3:]
-        nowhere = np.zeros(3)
-        found = cv2.projectPoints(in_camera.reshape(-1, 3), nowhere, nowhere, estimate.matrix, estimate.distortion)
-        pixels, derivatives = (np.asarray(each, dtype=np.float64) for each in found)
+        nowhere, flat = np.zeros(3), in_camera.reshape(-1, 3)
+        pixels, derivatives = project_with_derivatives(flat, nowhere, nowhere, estimate.matrix, estimate.lens)
         pixels, derivatives = pixels.reshape(self._pixels.shape), derivatives.reshape(*self._pixels.shape, -1)
         if doubts[-3:].any():
             zoom, middle = 1 + doubts[-3], shared[2:4]

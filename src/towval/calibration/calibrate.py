@@ -22,50 +22,20 @@ from towval.calibration.alike import without_repeats
 from towval.calibration.behind_boards import as_floor_shows, some_of
 from towval.calibration.blocks import Estimate, residuals
 from towval.calibration.board_search import NamedImage, find_boards
-from towval.calibration.bundle_adjustment import adjust
 from towval.calibration.corners import BoardObservation
-from towval.calibration.doubts import doubts_std, settle, without_prejudice
+from towval.calibration.doubts import doubts_std
 from towval.calibration.floor import in_floor_axes
-from towval.calibration.lens import LENS_MODELS, NESTED, LensTrial, active_parameters
-from towval.calibration.observations import MARKS_VIEW, CalibrationObservations, first_guess, unflipped
-from towval.model import (
-    CALIBRATION_PARAMETERS,
-    Board,
-    Calibration,
-    Camera,
-    Finding,
-    Floor,
-    FloorReference,
-    Severity,
-    View,
-)
+from towval.calibration.lens import LENS_MODELS, NESTED, LensTrial
+from towval.calibration.observations import MARKS_VIEW, CalibrationObservations
+from towval.calibration.sound_views import Adjusted, adjust_sound_views
+from towval.model import Board, Calibration, Camera, Finding, Floor, FloorReference, Severity, View
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
-
-_FIRST_MODELS = ("k1", "k1 k2")
-"""Lens models fitted in turn about the image centre: with a free principal point the fit to a wide lens may end at a
-focal length that differs by the axis, from which no larger model comes back."""
-_CENTRE = [CALIBRATION_PARAMETERS.index(name) for name in ("cx", "cy")]
-_JUDGING_MODELS = ("k1 k2", "k1 k2 p1 p2 k3", "rational")
-"""Lens models fitted in turn before any view is judged: a misfit that remains with the largest is the view's, and
-smaller ones than these fit all views equally badly."""
-
 
 _NONE_IS_HELD = (
     "every picture of camera.calibration_images is one of the floor's, too, and its board was taken to lie flat on the "
     "floor: narrow floor.more_images to those that do"
 )
-
-
-@dataclass(frozen=True)
-class CalibrateConstants:
-    """Tuned constants of the choice of views."""
-
-    smallest_misfit_px: float = 0.1  # [px] RMS of a view that is never a reason to drop it.
-    fewest_views: int = 3  # With two, nothing checks the fit.
-
-
-CONSTANTS = CalibrateConstants()
 
 
 @dataclass(frozen=True)
@@ -216,9 +186,8 @@ def calibrate_observations(
     few views are left, or the board that fixes the floor frame does not fit.
     """
     distinct, repeats = without_repeats(observed)
-    kept, start, dropped = _without_misfits(distinct, settings)
-    kept, start = _with_honest_marks(kept, start)
-    settled = settle(kept, start, settings.lens_models, settings.folds)
+    adjusted = adjust_sound_views(distinct, settings.lens_models, settings.folds, settings.misfit_ratio)
+    kept, dropped, settled = adjusted.kept, adjusted.dropped, adjusted.settled
     chosen = settled.chosen
     estimate = chosen.estimate
     calibration = Calibration(
@@ -230,75 +199,10 @@ def calibrate_observations(
     )
     calibration = _judged(calibration, kept, settled.trials, chosen, (0.0, *heights_m), settings.position_limit_m)
     stated = observed.reference.mark_std_px if observed.reference is not None else np.nan
-    further = (*settled.findings, *marks_findings(kept, estimate, stated))
+    further = (*settled.findings, *_fisheye_findings(adjusted), *marks_findings(kept, estimate, stated))
     quality = {**calibration.quality, **settled.quality}
     left_out = _dropped_findings(calibration, repeats)
     return replace(calibration, findings=(*left_out, *calibration.findings, *further), quality=quality)
-
-
-def _without_misfits(
-    observed: CalibrationObservations, settings: CalibrateSettings
-) -> tuple[CalibrationObservations, Estimate, dict[str, str]]:
-    """Drop the views that do not fit, worst first; the remaining observations, their fit, and the reasons by name."""
-    dropped: dict[str, str] = {}
-    while True:
-        if len(observed.observations) < CONSTANTS.fewest_views:
-            raise RefusedError(
-                "too few views of the board",
-                got=f"{len(observed.observations)} usable",
-                allowed=f"{CONSTANTS.fewest_views} at the very least, 12 to do well",
-                remedy="film the board tilted by 20° to 40° to all sides, all over the picture",
-            )
-        estimate, misfit = _fit_to_judge(observed, settings.misfit_ratio)
-        if misfit is None:
-            return observed, estimate, dropped
-        dropped[misfit[0]] = misfit[1]
-        observed = _less(observed, *misfit)
-
-
-def _fit_to_judge(observed: CalibrationObservations, misfit_ratio: float) -> tuple[Estimate, tuple[str, str] | None]:
-    """Fit larger and larger lens models until all views fit; if none does, the worst view and the reason."""
-    estimate = first_guess(observed)
-    for model in _FIRST_MODELS:
-        active = active_parameters(model, with_floor=observed.reference is not None)
-        about_centre = active[~np.isin(active, _CENTRE)]
-        estimate = unflipped(observed, adjust(observed.blocks, estimate, about_centre))
-    for model in _JUDGING_MODELS:
-        active = active_parameters(model, with_floor=observed.reference is not None)
-        estimate = unflipped(observed, adjust(observed.blocks, estimate, active))
-        found = residuals(observed.blocks, estimate)[: len(observed.observations)]
-        rms_px = [float(np.sqrt(np.mean(r**2))) for r in found]
-        usual, worst = float(np.median(rms_px)), int(np.argmax(rms_px))
-        if rms_px[worst] <= max(misfit_ratio * usual, CONSTANTS.smallest_misfit_px):
-            return estimate, None
-    reason = f"does not fit: {rms_px[worst]:.2f} px RMS where half of the views have {usual:.2f} px or less"
-    return estimate, (observed.observations[worst].name, reason)
-
-
-def _with_honest_marks(
-    observed: CalibrationObservations, estimate: Estimate
-) -> tuple[CalibrationObservations, Estimate]:
-    """Surveyed marks with the standard deviation of their residuals, where that is clearly more than stated.
-
-    Residuals that a board of another size than stated explains do not count.
-    """
-    std_px, worse = marks_std_px(observed, estimate) if observed.marks else (np.nan, False)
-    if worse:
-        std_px, worse = marks_std_px(observed, without_prejudice(observed, estimate, "k1 k2"))
-    if not worse:
-        return observed, estimate
-    observed = replace(observed, reference=replace(observed.floor_reference, mark_std_px=std_px))
-    return observed, adjust(observed.blocks, estimate, active_parameters("k1 k2", with_floor=True))
-
-
-def _less(observed: CalibrationObservations, name: str, reason: str) -> CalibrationObservations:
-    if observed.floor_boards and not observed.marks and observed.floor_boards[0].name == name:
-        raise RefusedError(
-            "the board that fixes the floor frame does not fit",
-            got=f"{name} {reason}",
-            remedy="check that it lies flat, is sharp and is the same board; or take another picture as floor.image",
-        )
-    return observed.without({name})
 
 
 def _views(
@@ -384,6 +288,15 @@ def _dropped_findings(calibration: Calibration, repeats: Mapping[str, str]) -> l
     if repeats:
         found.append(finding("views-repeated", names=some_of(list(repeats)), count=len(repeats)))
     return found
+
+
+def _fisheye_findings(adjusted: Adjusted) -> list[Finding]:
+    """A warning where a fisheye predicts better than the pinhole camera that is kept."""
+    if adjusted.fisheye is None:
+        return []
+    own, other = adjusted.settled.chosen, adjusted.fisheye
+    numbers = {"chosen_px": np.sqrt(own.score_px2), "fisheye_px": np.sqrt(other.score_px2)}
+    return [finding("lens-fisheye", chosen=own.model, model=other.model, **numbers)]
 
 
 def _lens_findings(trials: Sequence[LensTrial], chosen: LensTrial) -> list[Finding]:

@@ -11,7 +11,7 @@ from towval.calibration.corners import BoardObservation
 from towval.model import Array, FloorReference
 from towval.model.errors import InputError
 from towval.model.geometry import rigid_fit
-from towval.optics.projection import to_plane_kernel
+from towval.optics.projection import to_plane_kernel, undistorted_kernel
 
 
 def in_floor_axes(observation: BoardObservation, reference: FloorReference) -> BoardObservation:
@@ -51,11 +51,18 @@ def _nearest(observation: BoardObservation, pixel: Array | None, key: str) -> in
     return nearest
 
 
-def pose_of_plane(points_m: Array, pixels: Array, matrix: Array, distortion: Array) -> list[Array]:
+def pose_of_plane(points_m: Array, pixels: Array, estimate: Estimate) -> list[Array]:
     """Poses (6,) of a flat set of points in the camera frame, the likelier of the two solutions first.
 
-    A distant flat target has two nearly equivalent poses, tilted to either side (Collins and Bartoli 2014).
+    A distant flat target has two nearly equivalent poses, tilted to either side (Collins and Bartoli 2014). None where
+    a fisheye of this focal length would see pixels at more than a right angle to its axis.
     """
+    matrix, distortion = estimate.matrix, estimate.distortion
+    if estimate.fisheye:
+        pixels = undistorted_kernel(np.ascontiguousarray(pixels), matrix, estimate.lens)
+        matrix, distortion = np.eye(3), np.zeros(8)
+        if not np.isfinite(pixels).all():
+            return []
     _, rotations, shifts, _ = cv2.solvePnPGeneric(points_m, pixels, matrix, distortion, flags=cv2.SOLVEPNP_IPPE)
     return [np.concatenate([r.ravel(), t.ravel()]) for r, t in zip(rotations, shifts, strict=True)]
 
@@ -73,7 +80,7 @@ def floor_from_boards(origin_pose: Array, all_poses: Sequence[Array], thickness_
 
 def place_on_floor(points_m: Array, pixels: Array, estimate: Estimate, height_m: float) -> Array:
     """Where a flat set of points (n, 2) [m], seen at ``pixels`` (n, 2), lies in the floor frame (3,) [m, m, rad]."""
-    camera = estimate.T_camera_floor, estimate.matrix, np.ascontiguousarray(estimate.distortion)
+    camera = estimate.T_camera_floor, estimate.matrix, np.ascontiguousarray(estimate.lens)
     return rigid_fit(points_m, to_plane_kernel(np.ascontiguousarray(pixels), height_m, *camera))
 
 

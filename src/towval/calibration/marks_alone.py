@@ -13,9 +13,10 @@ from scipy.special import chdtri
 from towval.calibration.adequacy import floor_quality
 from towval.calibration.blocks import Block, Estimate, Placement, residuals
 from towval.calibration.bundle_adjustment import adjust, marginal_covariance
-from towval.calibration.lens import LensTrial, active_parameters, choose_lens
+from towval.calibration.lens import LensTrial, active_parameters, choose_lens, families, may_be_fisheye
 from towval.calibration.observations import MARKS_VIEW, CalibrationObservations, with_floor
 from towval.model import Array, Calibration, Camera, Floor, FloorReference, View
+from towval.model.camera import is_fisheye
 from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import lifted
@@ -34,22 +35,18 @@ def calibrate_marks(
     with the smallest; ``heights_m`` are planes for which the uncertainty of positions is stated besides the floor [m].
     `InputError` for too few marks, marks on a line, or marks in left-handed coordinates.
     """
-    width, height = resolution_px
-    start = np.zeros(18)
-    start[:4] = width, width, (width - 1) / 2, (height - 1) / 2
-    observed = CalibrationObservations(resolution_px, (), (), reference)
-    first = with_floor(observed, Estimate(start, (np.zeros(0),), noise_px=1.0), ())
-    fits = [_fitted(reference, first, model) for model in models if _enough(reference, model)]
-    if not fits:
+    pinholes, fisheyes = families([model for model in models if _enough(reference, model)])
+    trials = _trials(resolution_px, reference, pinholes)
+    if fisheyes and (not trials or may_be_fisheye(choose_lens(trials).estimate, resolution_px)):
+        trials += _trials(resolution_px, reference, fisheyes)
+    if not trials:
         raise InputError(
             "too few surveyed marks to calibrate a camera without a board",
             got=f"{len(reference.marks_px)} marks",
             allowed="six marks, all over the picture; twenty are good",
             remedy="survey more marks, or film a board (camera.calibration_images and camera.board)",
         )
-    # A model that the marks do not determine takes a hundred times as long to predict them, and is not chosen.
-    fits = [fit for fit in fits if fit.determined] or fits
-    chosen = choose_lens([_predicting(reference, fit) for fit in fits])
+    chosen = choose_lens(trials)
     active, estimate = active_parameters(chosen.model, with_floor=True), chosen.estimate
     squares, freedom = float(np.sum(_residual(reference, estimate) ** 2)), 2 * len(reference.marks_px) - len(active)
     worse = squares > reference.mark_std_px**2 * chdtri(freedom, 0.001)
@@ -58,6 +55,22 @@ def calibrate_marks(
     camera = Camera(resolution_px, estimate.matrix, estimate.distortion, chosen.model)
     calibration = Calibration(camera, Floor(estimate.T_camera_floor), covariance, std_px)
     return _reported(calibration, reference, chosen, (0.0, *heights_m))
+
+
+def _trials(resolution_px: tuple[int, int], reference: FloorReference, models: Sequence[str]) -> list[LensTrial]:
+    """Fits of the lens models of one family with how each predicts the marks, those that are determined if any is."""
+    if not models:
+        return []
+    width, height = resolution_px
+    start = np.zeros(18)
+    start[:4] = width, width, (width - 1) / 2, (height - 1) / 2
+    observed = CalibrationObservations(resolution_px, (), (), reference)
+    camera = Estimate(start, (np.zeros(0),), noise_px=1.0, fisheye=is_fisheye(models[0]))
+    first = with_floor(observed, camera, ())
+    fits = [_fitted(reference, first, model) for model in models]
+    # A model that the marks do not determine takes a hundred times as long to predict them, and is not chosen.
+    fits = [fit for fit in fits if fit.determined] or fits
+    return [_predicting(reference, fit) for fit in fits]
 
 
 def _enough(reference: FloorReference, model: str) -> bool:

@@ -79,8 +79,8 @@ class CalibrationObservations:
         )
 
 
-def first_guess(observed: CalibrationObservations) -> Estimate:
-    """Camera without distortion, floor and places, to start the adjustment from.
+def first_guess(observed: CalibrationObservations, *, fisheye: bool = False) -> Estimate:
+    """Camera without distortion, or a ``fisheye`` of equal angles, floor and places, to start the adjustment from.
 
     The focal length is that with which the boards, each by itself, leave least: of their vanishing points (Zhang 2000),
     which a wide lens leads astray, and of lengths between a wide lens's and a long one's. The principal point is the
@@ -97,7 +97,7 @@ def first_guess(observed: CalibrationObservations) -> Estimate:
     cameras = []
     for length in (focal, *(share * max(width, height) for share in _FOCAL_SHARES)):
         shared[:2] = length
-        cameras.append(Estimate(shared.copy(), ()))
+        cameras.append(Estimate(shared.copy(), (), fisheye=fisheye))
     return placed(observed, min(cameras, key=lambda camera: _left_over(observed, camera)))
 
 
@@ -106,15 +106,16 @@ def _left_over(observed: CalibrationObservations, camera: Estimate) -> float:
     total = 0.0
     for board in observed.observations:
         block = Block(lifted(board.board_m, 0.0), board.corners_px, Placement.FREE)
-        place = pose_of_plane(block.points_m, block.pixels, camera.matrix, camera.distortion)[0]
-        total += float(np.sqrt(np.mean(residuals([block], replace(camera, places=(place,)))[0] ** 2)))
+        poses = pose_of_plane(block.points_m, block.pixels, camera)
+        if not poses:
+            return np.inf
+        total += float(np.sqrt(np.mean(residuals([block], replace(camera, places=(poses[0],)))[0] ** 2)))
     return total
 
 
 def placed(observed: CalibrationObservations, estimate: Estimate) -> Estimate:
     """The same camera with the floor and all places estimated again, each board by itself."""
-    view = estimate.matrix, estimate.distortion
-    poses = [pose_of_plane(lifted(s.board_m, 0.0), s.corners_px, *view)[0] for s in observed.observations]
+    poses = [pose_of_plane(lifted(s.board_m, 0.0), s.corners_px, estimate)[0] for s in observed.observations]
     free, flat = poses[: len(observed.boards)], poses[len(observed.boards) :]
     if observed.reference is None:
         return replace(estimate, places=tuple(free))
@@ -138,7 +139,7 @@ def with_floor(observed: CalibrationObservations, estimate: Estimate, flat: Sequ
     if observed.marks >= 4:
         _check_marks(reference)
         marks = lifted(reference.marks_m, 0.0)
-        shared[12:] = pose_of_plane(marks, reference.marks_px, estimate.matrix, estimate.distortion)[0]
+        shared[12:] = pose_of_plane(marks, reference.marks_px, estimate)[0]
         return replace(estimate, shared=shared)
     if not flat:
         raise InputError(
@@ -187,7 +188,7 @@ def unflipped(observed: CalibrationObservations, estimate: Estimate) -> Estimate
     for i, block in enumerate(observed.blocks):
         if block.placement is not Placement.FREE:
             continue
-        for pose in pose_of_plane(block.points_m, block.pixels, estimate.matrix, estimate.distortion):
+        for pose in pose_of_plane(block.points_m, block.pixels, estimate):
             other = residuals([block], replace(estimate, places=(pose,)))[0]
             own = residuals([block], replace(estimate, places=(places[i],)))[0]
             if np.sum(other**2) < np.sum(own**2):

@@ -13,6 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
 from towval.model import Array, Camera
+from towval.model.camera import is_fisheye
 from towval.model.conventions import CAMERA_FRAME, FLOOR_FRAME, NANOSECONDS_PER_SECOND
 
 _FLOAT32 = 7
@@ -138,10 +139,14 @@ def _transform(time_s: float, child: str, translation: Any, rotation: Any) -> An
 
 
 def camera_info(time_s: float, camera: Camera) -> Any:
-    """The intrinsics of a camera; ``rational_polynomial`` where the lens needs it, else ``plumb_bob``."""
-    rational = bool(camera.distortion[5:].any())
-    k = camera.matrix
-    d = camera.distortion if rational else camera.distortion[:5]
+    """The intrinsics of a camera; of a fisheye ``equidistant``, else what the lens needs of the others."""
+    k, d = camera.matrix, camera.distortion
+    if is_fisheye(camera.lens_model):
+        model, d = "equidistant", np.append(d[[0, 1, 4]], 0.0)
+    elif d[5:].any():
+        model = "rational_polynomial"
+    else:
+        model, d = "plumb_bob", d[:5]
     projection = np.concatenate([k, np.zeros((3, 1))], axis=1)
     width, height = camera.resolution_px
     region = make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
@@ -150,7 +155,7 @@ def camera_info(time_s: float, camera: Camera) -> Any:
         header=header(time_s, CAMERA_FRAME),
         height=height,
         width=width,
-        distortion_model="rational_polynomial" if rational else "plumb_bob",
+        distortion_model=model,
         d=np.array(d),
         k=k.ravel().copy(),
         r=np.eye(3).ravel(),

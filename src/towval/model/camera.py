@@ -16,12 +16,34 @@ CALIBRATION_PARAMETERS = ("fx", "fy", "cx", "cy", *DISTORTION_NAMES, "rx", "ry",
 """Order of the rows of :attr:`Calibration.covariance`: intrinsics, lens, rotation vector and place of the floor."""
 
 
+FISHEYE = "fisheye"
+"""With it begins the name of a lens model whose coefficients act on the angle between a ray and the axis."""
+
+
+def is_fisheye(lens_model: str) -> bool:
+    """Whether the coefficients of a lens model act on the angle of a ray instead of its tangent, by its name."""
+    return lens_model.startswith(FISHEYE)
+
+
+def lens_array(distortion: Array, fisheye: bool) -> Array:
+    """Lens coefficients as the kernels take them: (8,), and of a fisheye (9,), the ninth being 1."""
+    return np.append(distortion, 1.0) if fisheye else distortion
+
+
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera with OpenCV's lens distortion.
+    """A pinhole or fisheye camera with OpenCV's lens distortion.
 
     ``resolution_px`` is (width, height); ``matrix`` (3, 3) [px]; ``distortion`` (8,) in the order of
-    :data:`DISTORTION_NAMES`, zero where ``lens_model`` does not use a coefficient.
+    :data:`DISTORTION_NAMES`, zero where ``lens_model`` does not use a coefficient. They act on the tangent of the angle
+    between ray and axis; where the name of ``lens_model`` begins with ``fisheye``, on the angle itself, which with k1,
+    k2 and k3 is the model of Kannala and Brandt (2006) and ROS's ``equidistant``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> Camera((640, 480), np.diag([300.0, 300.0, 1.0]), np.zeros(8), "fisheye").lens.tolist()
+    [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
     """
 
     resolution_px: tuple[int, int]
@@ -33,6 +55,17 @@ class Camera:
         lock(self, matrix=(3, 3), distortion=(8,))
         if min(self.resolution_px) < 1:
             raise InputError("Camera.resolution_px is out of range", got=self.resolution_px, allowed="at least 1 × 1")
+        if is_fisheye(self.lens_model) and self.distortion[[2, 3, 5, 6, 7]].any():
+            raise InputError(
+                "Camera.distortion has coefficients that a fisheye does not have",
+                got=self.distortion.tolist(),
+                allowed="k1, k2 and k3; the others zero",
+            )
+
+    @property
+    def lens(self) -> Array:
+        """The coefficients as the kernels take them; see :func:`lens_array`."""
+        return lens_array(self.distortion, is_fisheye(self.lens_model))
 
 
 @dataclass(frozen=True)

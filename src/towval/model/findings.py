@@ -130,6 +130,12 @@ register(  # calibrate
         "views: {remedy}, nearer to the camera.",
     ),
     FindingType(
+        "lens-fisheye", "calibrate", WARNING, WIDENS_CAMERA,
+        'The lens is that of a fisheye: "{model}" predicts held-out views to {fisheye_px:.2f} px, "{chosen}" to '
+        "{chosen_px:.2f} px, and the latter is wrong beyond the boards. Name only the models of a fisheye "
+        "in config.yaml: calibrate: {{lens_models: [fisheye, fisheye k1, fisheye k1 k2, fisheye k1 k2 k3]}}.",
+    ),
+    FindingType(
         "centre-only", "calibrate", WARNING, WIDENS_CAMERA,
         "The boards were held only in a part of the picture, {covered_percent:.0f} % of it: the lens is extrapolated "
         "to the rest, and the predicted deviations do not include that error. Instead, {remedy}.",
@@ -143,7 +149,7 @@ register(  # calibrate
         "halves-disagree", "calibrate", WARNING, WIDENS_CAMERA,
         "Two halves of the views, calibrated separately, differ by {found_mm:.1f} mm on the plane at {height_m:.2f} "
         "m where the corner noise explains {expected_mm:.1f} mm. An assumption is violated: a bent board, a focus or "
-        "zoom that changed, a board moved during the exposure, a lens that no lens model here describes (a fisheye).",
+        "zoom that changed, a board moved during the exposure, a lens that no lens model here describes.",
     ),
     FindingType(
         "floor-extrapolated", "calibrate", WARNING, NONE,

@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 
 from towval.model import CALIBRATION_PARAMETERS, Array, Calibration, Camera, Floor, UncertaintyMap
 from towval.model.geometry import lifted
-from towval.optics.projection import to_plane
+from towval.optics.projection import project_with_derivatives, to_plane
 
 
 def shared_parameters(camera: Camera, floor: Floor) -> Array:
@@ -31,8 +31,7 @@ def position_sensitivity(camera: Camera, floor: Floor, pixels: ArrayLike, height
         return by_parameters, by_height
     points = lifted(position[hit], height_m)
     pose = shared_parameters(camera, floor)[12:]
-    _, jacobian = cv2.projectPoints(points, pose[:3], pose[3:], camera.matrix, camera.distortion)
-    jacobian = jacobian.reshape(-1, 2, jacobian.shape[1])
+    _, jacobian = project_with_derivatives(points, pose[:3], pose[3:], camera.matrix, camera.lens)
     by_point = jacobian[:, :, 3:6] @ floor.T_camera_floor[:3, :3]
     ordered = np.concatenate([jacobian[:, :, 6:18], jacobian[:, :, :6]], axis=2)
     by_parameters[hit] = -np.linalg.solve(by_point[:, :, :2], ordered)

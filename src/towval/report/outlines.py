@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.model import Array, Body, Calibration, Camera, Floor
+from towval.model.camera import is_fisheye
 from towval.model.geometry import lifted, transform, turned_pixels
 from towval.model.run_record import RunRecord, measured_poses, nearest_samples, pose_at
 
@@ -75,7 +76,12 @@ class _View:
 
 
 def _projected(camera: Camera, floor: Floor, points: Array) -> Array:
-    """Pixels (..., 2) of points (..., 3) [m], NaN behind the camera, by OpenCV."""
+    """Pixels (..., 2) of points (..., 3) [m], NaN behind the camera, by OpenCV where the lens is not a fisheye."""
+    if is_fisheye(camera.lens_model):
+        # Imported here, because it imports the compiler.
+        from towval.optics.projection import project  # noqa: PLC0415
+
+        return project(camera, floor, points)
     T = floor.T_camera_floor
     seen = points @ T[:3, :3].T + T[:3, 3]
     flat = np.where(seen[..., 2:] > 0, seen, np.nan).reshape(-1, 1, 3)

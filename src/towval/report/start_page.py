@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from towval.io.atomic import write_text
 from towval.io.campaign_text import FloorCorner, RunClicks
 from towval.model import Array, Body, Calibration, Camera, TowingScene
+from towval.optics.projection import project_kernel, undistorted_kernel
 from towval.report.inline import data_uri, script_json
 from towval.report.preview import floor_grid
 from towval.report.templating import template_asset
@@ -99,17 +100,17 @@ def _run(start: StartOfRun) -> dict[str, object]:
     """The start of a run, with the camera that filmed it: it may have moved, or zoomed, from one run to the next."""
     camera, floor = start.calibration.camera, start.calibration.floor
     shown, size = without_distortion(camera)
-    straight = cv2.initUndistortRectifyMap(camera.matrix, camera.distortion, None, shown, size, cv2.CV_16SC2)
+    across, down = cv2.split(_filmed(camera, shown, size).astype(np.float32))
     return {
         "camera": {
             "matrix": camera.matrix.tolist(),
-            "distortion": camera.distortion.tolist(),
+            "lens": camera.lens.tolist(),
             "T_camera_floor": floor.T_camera_floor.tolist(),
             "resolution_px": list(camera.resolution_px),
             "shown": {"matrix": shown.tolist(), "size_px": list(size)},
         },
         "grid": [row.tolist() for row in floor_grid(start.calibration)],
-        "frame": _picture(cv2.remap(start.luma, *straight, cv2.INTER_LINEAR, borderValue=_OUTSIDE)),
+        "frame": _picture(cv2.remap(start.luma, across, down, cv2.INTER_LINEAR, borderValue=_OUTSIDE)),
         "poses": {body: pose.tolist() for body, pose in start.poses.items()},
         "told": {body: [text] for body, text in start.doubts.items()},
     }
@@ -125,14 +126,24 @@ def without_distortion(camera: Camera) -> tuple[Array, tuple[int, int]]:
     u, v = np.arange(width, dtype=float), np.arange(height, dtype=float)
     sides = [(u, 0 * u), (u, 0 * u + height - 1), (0 * v, v), (0 * v + width - 1, v)]
     border = np.concatenate([np.column_stack(side) for side in sides])
-    border = cv2.undistortImagePoints(border, camera.matrix, camera.distortion)[:, 0]
+    rays = undistorted_kernel(border, camera.matrix, camera.lens)
+    border = rays * np.diag(camera.matrix)[:2] + camera.matrix[:2, 2]
     spare = 0.5 * (_LARGEST - 1) * np.array([width, height])
-    low = np.floor(np.maximum(border.min(axis=0), -spare))
-    high = np.ceil(np.minimum(border.max(axis=0), spare + np.array([width - 1, height - 1])))
+    low = np.floor(np.maximum(np.nanmin(border, axis=0), -spare))
+    high = np.ceil(np.minimum(np.nanmax(border, axis=0), spare + np.array([width - 1, height - 1])))
     shown = camera.matrix.copy()
     shown[:2, 2] -= low
     across, down = (high - low + 1).astype(int)
     return shown, (int(across), int(down))
+
+
+def _filmed(camera: Camera, shown: Array, size: tuple[int, int]) -> Array:
+    """Pixels (height, width, 2) of the camera that the pixels of a pinhole camera ``shown`` (3, 3) show."""
+    across, down = size
+    grid = np.stack(np.meshgrid(np.arange(across), np.arange(down)), axis=-1).reshape(-1, 2)
+    rays = np.column_stack([(grid - shown[:2, 2]) / np.diag(shown)[:2], np.ones(len(grid))])
+    filmed: Array = project_kernel(rays, np.eye(4), camera.matrix, camera.lens)
+    return filmed.reshape(down, across, 2)
 
 
 def _floor(board: FloorBoard) -> dict[str, object]:

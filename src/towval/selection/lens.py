@@ -7,9 +7,10 @@ import numpy as np
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
 from towval.calibration.corners import BoardObservation
 from towval.calibration.doubts import doubts_std
-from towval.calibration.lens import LENS_MODELS
+from towval.calibration.lens import LENS_MODELS, families
 from towval.calibration.observations import MARKS_VIEW, CalibrationObservations
 from towval.model import Board, Calibration, Choice, FloorReference
+from towval.model.camera import is_fisheye
 from towval.model.errors import RefusedError
 from towval.model.geometry import rms_length
 from towval.optics.plane_uncertainty import pixel_grid
@@ -20,7 +21,8 @@ def with_lens_choice(
     calibration: Calibration, board: Board, reference: FloorReference, settings: CalibrateSettings, height_m: float
 ) -> Calibration:
     """The calibration with the effect of the next larger lens model (if any, else smaller) on a target's plane."""
-    models, chosen = list(LENS_MODELS), calibration.camera.lens_model
+    chosen = calibration.camera.lens_model
+    models = families(tuple(LENS_MODELS))[is_fisheye(chosen)]
     place = models.index(chosen)
     following = models[place + 1] if place + 1 < len(models) else models[place - 1]
     used = [view for view in calibration.views if not view.dropped and view.name != MARKS_VIEW]

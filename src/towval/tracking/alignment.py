@@ -354,7 +354,7 @@ def align(
         (template.points, template.values, template.slopes, template.leverage, template.tile, share),
         precision,
         np.asarray(pose, dtype=np.float64),
-        (target.height, target.floor.T_camera_floor, target.camera.matrix, target.camera.distortion),
+        (target.height, target.floor.T_camera_floor, target.camera.matrix, target.camera.lens),
         (most_scale, CONSTANTS.tolerance_px * template.pixel_m),
         (c.least_scale, c.first_part, c.first_rounds, most_rounds, c.least_of_tile, c.visible_tiles),
         (LIGHT.gain_spread, LIGHT.least_gain, LIGHT.most_gain),

@@ -237,7 +237,7 @@ class FloorRegistration:
             (template.points, template.values, self.slopes, template.tile, template.tiles, self.trust),
             precision,
             start,
-            (self.floor.T_camera_floor, self.camera.matrix, self.camera.distortion),
+            (self.floor.T_camera_floor, self.camera.matrix, self.camera.lens),
             (self.prior, self.in_pixels),
             (c.least_scale, c.most_scale, c.tolerance_px, c.rounds),
             learned.variance_factor / small**2,

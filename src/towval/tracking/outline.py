@@ -160,7 +160,7 @@ def _edge_slopes(luma: NDArray[np.uint8], target: PlanarTarget, s: Stretches, po
     around = np.concatenate([[offsets[0] - s.step], offsets, [offsets[-1] + s.step]])
     columns = plane_to_camera(np.asarray(pose, dtype=np.float64), target.height, target.floor.T_camera_floor)
     lines = s.middle, s.along, s.normal, s.length, s.spacing
-    return slopes_kernel(luma, lines, around, columns, camera.matrix, camera.distortion)
+    return slopes_kernel(luma, lines, around, columns, camera.matrix, camera.lens)
 
 
 def _side_widths(target: PlanarTarget, stretches: Stretches, pose: Array) -> Array:
@@ -168,7 +168,7 @@ def _side_widths(target: PlanarTarget, stretches: Stretches, pose: Array) -> Arr
     pose, T, camera = np.asarray(pose, dtype=np.float64), target.floor.T_camera_floor, target.camera
     planes = plane_to_camera(pose, target.height, T), plane_to_camera(pose, 0.0, T)
     outward_m = stretches.step * stretches.normal
-    widths: Array = side_widths_kernel(stretches.middle, outward_m, planes, camera.matrix, camera.distortion)
+    widths: Array = side_widths_kernel(stretches.middle, outward_m, planes, camera.matrix, camera.lens)
     return widths
 
 

@@ -44,12 +44,12 @@ class PlanarTarget:
     def pixels(self, points: Array, pose: Array) -> Array:
         """Pixels (n, 2) of points (n, 2) [m] of the body frame at a ``pose`` (3,)."""
         columns = plane_to_camera(np.asarray(pose, dtype=np.float64), self.height, self.floor.T_camera_floor)
-        return plane_pixels_kernel(np.ascontiguousarray(points), columns, self.camera.matrix, self.camera.distortion)
+        return plane_pixels_kernel(np.ascontiguousarray(points), columns, self.camera.matrix, self.camera.lens)
 
     def grey_values(self, luma: NDArray[np.uint8], points: Array, pose: Array) -> Array:
         """Grey values (n,) of a picture at points (n, 2) [m] of the body frame at a ``pose`` (3,); NaN outside it."""
         T, camera = self.floor.T_camera_floor, self.camera
-        values = sample_plane_kernel(luma, points, pose, self.height, T, camera.matrix, camera.distortion)
+        values = sample_plane_kernel(luma, points, pose, self.height, T, camera.matrix, camera.lens)
         values[values < 0] = np.nan
         return values
 

@@ -8,11 +8,11 @@ const byId = (id) => document.getElementById(id);
 const view = byId("view"), loupe = byId("loupe");
 
 // ---- camera: the picture is shown without the distortion of the lens; clicks are saved as the camera films them
-let { matrix: K, distortion: D, T_camera_floor: T, resolution_px: FILMED, shown: SHOWN } = Object.values(DATA.runs)[0].camera;
+let { matrix: K, lens: D, T_camera_floor: T, resolution_px: FILMED, shown: SHOWN } = Object.values(DATA.runs)[0].camera;
 
 // What a function returns with the camera of a run, which may have moved since the run before.
 function seenIn(name, found) {
-  const own = ({ camera }) => ({ matrix: K, distortion: D, T_camera_floor: T, resolution_px: FILMED, shown: SHOWN } = camera);
+  const own = ({ camera }) => ({ matrix: K, lens: D, T_camera_floor: T, resolution_px: FILMED, shown: SHOWN } = camera);
   own(DATA.runs[name]);
   try { return found(); } finally { if (run) own(DATA.runs[run]); }
 }
@@ -26,9 +26,10 @@ function ray(x, y, z) {
 
 const project = (x, y, z) => pinhole(SHOWN.matrix, ...ray(x, y, z));
 
-// OpenCV's rational model.
+// OpenCV's rational model; that of a fisheye, which has a ninth coefficient, acts on the angle of the ray.
 function filmed(x, y, z) {
-  const [k1, k2, p1, p2, k3, k4, k5, k6] = D, [a, b] = ray(x, y, z), r2 = a * a + b * b;
+  const [k1, k2, p1, p2, k3, k4, k5, k6, fisheye] = D, tangent = ray(x, y, z), far = Math.hypot(...tangent);
+  const [a, b] = fisheye && far ? tangent.map((each) => (each * Math.atan(far)) / far) : tangent, r2 = a * a + b * b;
   const radial = (1 + r2 * (k1 + r2 * (k2 + r2 * k3))) / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)));
   return pinhole(K, a * radial + 2 * p1 * a * b + p2 * (r2 + 2 * a * a), b * radial + p1 * (r2 + 2 * b * b) + 2 * p2 * a * b);
 }
