@@ -3,8 +3,8 @@
     python -m studies.tables.fisheyes [--seeds 10] [--first-seed 9400]
 
 Errors are root mean squares over the picture on a plane 0.2 m over the floor, up to 2.5 m from its origin; corners have
-a noise of 0.06 px. Pixels that a calibration shows nowhere on the plane do not count. Lenses are chosen with three folds,
-which is quicker than the six by default.
+a noise of 0.06 px. Pixels that a calibration shows nowhere on the plane do not count. Lenses are chosen with three
+folds, which is quicker than the six by default.
 """
 
 from __future__ import annotations
