@@ -32,6 +32,8 @@ from typing import Any, TypeVar
 import numba
 from numba import njit
 from numba.core.bytecode import FunctionIdentity
+from numba.core.caching import Cache
+from numba.core.runtime import rtsys
 
 _CONFIG: Any = numba.config  # Its attributes are set at run time.
 _KEPT = 3  # Caches kept per folder: those of two branches and one spare.
@@ -62,6 +64,23 @@ def _number_functions_apart() -> None:
 _number_functions_apart()
 if hasattr(os, "register_at_fork"):  # Not where processes cannot fork.
     os.register_at_fork(after_in_child=_number_functions_apart)
+
+
+def _load_without_compiler() -> None:
+    """Load what is cached without all that compiling needs, which takes longer than the loads of a stage together.
+
+    Numba sets that up before it looks into a cache, and again before it compiles; cached code needs the memory system.
+    """
+
+    def load_overload(cache: Any, signature: Any, target_context: Any) -> Any:
+        rtsys.initialize(target_context)
+        with cache._guard_against_spurious_io_errors():
+            return cache._load_overload(signature, target_context)
+
+    Cache.load_overload = load_overload  # type: ignore[method-assign]  # That is the point.
+
+
+_load_without_compiler()
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
