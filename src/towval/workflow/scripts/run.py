@@ -1,12 +1,16 @@
 """Every rule: one call of the function that ``params.call`` names, with the arguments of ``params.arguments``."""
 
+import gc
 import importlib
 import typing
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from towval.commands.console import Outcome, errors_reported, show
+# Imports make a million objects that stay, and matplotlib as many that go: a tenth of a stage was looking for garbage.
+gc.set_threshold(50_000)
+
+from towval.commands.console import Outcome, errors_reported, show  # noqa: E402  # not before the line above
 
 
 def call(name: str, arguments: Mapping[str, Any]) -> Outcome | None:
