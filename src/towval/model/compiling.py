@@ -90,7 +90,8 @@ def compiled(allocates: bool = True, **options: Any) -> Callable[[Function], Fun
 
     ``allocates``: whether the function creates arrays. If not, reference counting of its array arguments is switched
     off: each count is a locked instruction, which often takes longer than the work on the array. ``options`` are those
-    of ``numba.njit``, for a function that needs other settings than the defaults.
+    of ``numba.njit``, for a function that needs other settings than the defaults: ``forceinline`` where a short one
+    takes many arrays, each of which is passed as ten numbers.
     """
     settings: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": False}
     # No C wrapper: nothing calls it, and it takes a sixth of the compile time.

@@ -71,7 +71,7 @@ _NODES, _WEIGHTS = _gauss_rules()
 _PAIRS, _LONGEST = _pairs_by_order()
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def prepared_edge(
     edge: Array, cx: float, cy: float, bound: tuple[float, float, float]
 ) -> tuple[float, float, float, int, int]:
@@ -106,7 +106,7 @@ def prepared_edge(
     return distance, middle, alpha, panels, pairs
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def edge_integrals(
     table: Array, prepared: tuple[float, float, float, int, int], plane: tuple[float, float, float], rate: float
 ) -> tuple[float, float, float, float, float, float, float, float, float, float]:
@@ -147,7 +147,7 @@ def edge_integrals(
     )
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def edge_moments(
     table: Array, prepared: tuple[float, float, float, int, int], nearest_speed: float
 ) -> tuple[Lanes, Lanes, Lanes, Lanes]:
@@ -170,7 +170,7 @@ def edge_moments(
     return sums
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def _add_node(
     table: Array, nearest_speed: float, weight: float, e: float, inverse: float, sums: tuple[Lanes, Lanes, Lanes, Lanes]
 ) -> tuple[Lanes, Lanes, Lanes, Lanes]:

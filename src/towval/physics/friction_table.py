@@ -127,7 +127,7 @@ def _part(table: Array, speed: float) -> tuple[np.uint64, float]:
     return begin, (bits & _WITHIN) * _TO_LOCAL - 1.0
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def radial_means(table: Array, speed: float) -> Lanes:
     """μ, m_1, m_2, m_3 at a speed u ≥ 0 [m/s], as lanes."""
     means: Lanes
@@ -154,7 +154,7 @@ def radial_means(table: Array, speed: float) -> Lanes:
     return means
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def coefficient_over_speed(table: Array, speed: float) -> float:
     """μ / v [s/m] at a sliding speed [m/s]; the slope at rest where v is zero."""
     if not speed >= table[LOWEST]:

@@ -32,7 +32,7 @@ class MotionProblem(NamedTuple):
     drive: Spline
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def accelerations(scene: MotionProblem, mode: int, time: float, piece: int, y: Array, rates: Array) -> None:
     """Time derivative of the state into ``rates`` (6,)."""
     mass, inertia, ox, oy, bx, by = scene.body

@@ -66,7 +66,7 @@ DENSE = np.array([
 ])  # fmt: skip
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def inverse_3(m: Array, out: Array) -> bool:
     """Inverse of a 3 × 3 matrix into ``out``; False where it is singular or not finite."""
     a, b, c, d, e, f, g, h, i = m[0, 0], m[0, 1], m[0, 2], m[1, 0], m[1, 1], m[1, 2], m[2, 0], m[2, 1], m[2, 2]
@@ -91,7 +91,7 @@ def product_3(m: Array, x: Array | tuple[float, float, float]) -> tuple[float, f
     )
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def stage_matrix(h: float, jacobian: Array, inverse: Array, scratch: Array) -> bool:
     """Invert ``I/(hγ) − D − hγ K`` into ``inverse``; ``jacobian`` (3, 6) is [K D]. False where that fails."""
     hg = h * GAMMA
@@ -101,7 +101,7 @@ def stage_matrix(h: float, jacobian: Array, inverse: Array, scratch: Array) -> b
     return inverse_3(scratch, inverse)
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def stage_state(stage: int, y: Array, k: Array, out: Array) -> None:
     """State (6,) of a stage after the first into ``out``, which holds that of the stage before."""
     for i in range(6):
@@ -114,7 +114,7 @@ def stage_state(stage: int, y: Array, k: Array, out: Array) -> None:
             out[i] += k[stage - 1, i]
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def end_of_step(stage_y: Array, k: Array, weights: Array, out: Array) -> float:
     """State (6,) after a step into ``out``; returns the step's error over the weights (root mean square)."""
     error = 0.0
@@ -125,7 +125,7 @@ def end_of_step(stage_y: Array, k: Array, weights: Array, out: Array) -> float:
     return math.sqrt(error / 6)
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def solve_stage(
     stage: int, h: float, jacobian: Array, inverse: Array, time_slope: Array, rates: Array, k: Array
 ) -> None:
@@ -145,7 +145,7 @@ def solve_stage(
         k[stage, i] = hg * (rates[i] + solved)
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def dense_output(theta: float, y0: Array, y1: Array, k: Array, out: Array) -> None:
     """State at the fraction ``theta`` of a step, to order 4, into ``out`` (6,)."""
     for i in range(6):

@@ -295,7 +295,7 @@ def piece_at(knots: Array, time: float, hint: int) -> int:
     return k
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def spline_at(
     knots: Array, coefficients: Array, time: float, k: int
 ) -> tuple[float, float, float, float, float, float]:

@@ -150,7 +150,7 @@ def refuse_beyond_plane(model: str, towed: TowedObject, tether: Tether) -> None:
         )
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def stretch_and_pull(
     span_x: float, span_y: float, rate_x: float, rate_y: float, tether: Array
 ) -> tuple[float, float, float]:

@@ -161,7 +161,7 @@ def _circle(corners: Array) -> tuple[float, float, float]:
     return (*centre, float(np.linalg.norm(corners - centre, axis=1).max()))
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def wrench_at_origin(patch: SlidingPatch, vx: float, vy: float, omega: float) -> tuple[float, float, float]:
     """Force [N] and moment [N m] about ``patch.origin``, for the velocity there [m/s] and the heading rate [rad/s]."""
     if _centre_is_near(patch, vx, vy, omega):
@@ -214,7 +214,7 @@ def _area_rule(patch: SlidingPatch, vx: float, vy: float, omega: float) -> tuple
     return first, first + int(patch.area_rules[rule, 1])
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def _area_wrench(patch: SlidingPatch, vx: float, vy: float, omega: float) -> tuple[float, float, float]:
     """Wrench by nodes over the area."""
     table, nodes, (axx, axy, ayy) = patch.table, patch.area_nodes, patch.anisotropy
@@ -285,7 +285,7 @@ def _area_sums(
     )
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def _boundary_sums(
     patch: SlidingPatch, vx: float, vy: float, omega: float
 ) -> tuple[float, float, float, float, float, float, float, float, float]:

@@ -33,7 +33,7 @@ Frame = tuple[float, float, float, float]
 """Place (x, y) of G on the floor [m], cosine and sine of the heading."""
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def contact_parts(soles: Soles, regions: Regions, frame: Frame, work: Work) -> None:
     """Set the active parts for ``work.pressure``; ``work.counts[ANY_CUT]`` is set if anything is cut."""
     x, edges = work.pressure, soles.edges

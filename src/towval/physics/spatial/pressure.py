@@ -56,7 +56,7 @@ def area_matrix(moments: Array, matrix: Array) -> None:
     matrix[2, 0], matrix[2, 1], matrix[2, 2] = moments[2], moments[4], moments[5]
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def _equilibrium(height: float, work: Work) -> bool:
     """A + C W and its inverse; False where it is singular."""
     matrix, wrench = work.matrices[EQUILIBRIUM], work.matrices[W]
@@ -74,7 +74,7 @@ def _residual(work: Work, b: Loads, radius: float) -> float:
     return math.sqrt(force * force + about_y * about_y + about_x * about_x)
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def solve_pressure(
     soles: Soles, regions: Regions, table: Array, frame: Frame, twist: Twist, height: float, b: Loads, work: Work
 ) -> int:
@@ -155,7 +155,7 @@ def _even_pressure(soles: Soles, b: Loads, work: Work) -> None:
     x[0], x[1], x[2] = b[0] * soles.numbers[PER_AREA] * soles.numbers[STRETCH], 0.0, 0.0
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def _is_whole(soles: Soles, x: Array) -> bool:
     lowest: float = x[0]
     for e in range(soles.edges.shape[0]):

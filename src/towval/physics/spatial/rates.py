@@ -105,7 +105,7 @@ def tether_pull(n: Array, distance: float, rate: float) -> tuple[float, float]:
     return pull, lift
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def accelerations(problem: TowProblem, mode: int, time: float, piece: int, y: Array, work: Work, rates: Array) -> int:
     """Time derivative of the state into ``rates`` (6,); pressure, W and S into ``work``. Returns its balance."""
     n = problem.numbers

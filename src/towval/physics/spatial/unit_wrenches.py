@@ -51,7 +51,7 @@ for _rule, _along in enumerate(_ALONG):
 _ALONG_OF = np.array(_ALONG)
 
 
-@compiled(allocates=False)
+@compiled(allocates=False, forceinline=True)
 def unit_wrenches(soles: Soles, table: Array, vx: float, vy: float, omega: float, work: Work) -> None:
     """Fill W: column j is force [N] and moment [N m] about G per unit of pressure coefficient j, for a twist of G."""
     numbers, parts, active = soles.numbers, soles.parts, work.active
