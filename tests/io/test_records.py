@@ -112,6 +112,28 @@ def test_calibration_round_trip(tmp_path, calibration):
     same(calibration.views[0], back.views[0])
 
 
+@pytest.mark.parametrize(
+    ("lens_model", "given", "model", "stored"),
+    [
+        ("k1 k2", [0.1, 0.2, 0, 0, 0, 0, 0, 0], "plumb_bob", [0.1, 0.2, 0, 0, 0]),
+        ("rational", [0.1, 0.2, 0, 0, 0, 0.3, 0, 0], "rational_polynomial", [0.1, 0.2, 0, 0, 0, 0.3, 0, 0]),
+        ("fisheye k1 k2 k3", [0.1, 0.2, 0, 0, 0.3, 0, 0, 0], "equidistant", [0.1, 0.2, 0.3, 0]),
+    ],
+)
+def test_other_programs_read_the_lens_by_the_name_that_ros_has_for_it(
+    tmp_path, calibration, lens_model, given, model, stored
+):
+    camera = replace(calibration.camera, distortion=np.array(given), lens_model=lens_model)
+    records.write_calibration(tmp_path / "a.mcap", replace(calibration, camera=camera), PROVENANCE)
+    with (tmp_path / "a.mcap").open("rb") as stream:
+        read = make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages(["/camera/camera_info"])
+        (info,) = (message for *_, message in read)
+    assert info.distortion_model == model
+    assert list(info.d) == pytest.approx(stored)
+    again = records.read_calibration(tmp_path / "a.mcap").camera
+    np.testing.assert_array_equal(again.lens, camera.lens)
+
+
 def test_details_without_a_number_are_json_that_every_program_reads(tmp_path, calibration, track):
     apart = Choice("tracking", "40", "80", np.inf, "RMS of the measured path")
     written = replace(calibration, quality={"halves_difference_mm": np.inf}, choices=(apart,))

@@ -16,7 +16,7 @@ from towval.commands.check import check
 from towval.io.campaign import load_campaign
 from towval.io.campaign_text import FloorCorner, RunClicks, text_in_parts
 from towval.io.video import Video
-from towval.model import Body, FrictionSpecification, Load, Patch, Tether, TowingScene
+from towval.model import Body, Camera, FrictionSpecification, Load, Patch, Tether, TowingScene
 from towval.model.geometry import lifted, transform
 from towval.optics.projection import project
 from towval.report.start_page import StartOfRun, without_distortion, write_start_page
@@ -258,11 +258,21 @@ def test_the_floor_frame_goes_round_the_board_by_buttons(page):
     assert all((origin - end) % 2 == 1 for origin, end in seen)
 
 
+def without_lens(pixels: np.ndarray, camera: Camera) -> np.ndarray:
+    """Where a pinhole camera of the same matrix sees what a camera sees at pixels (n, 2), by OpenCV."""
+    if camera.lens_model.startswith("fisheye"):
+        bend = np.append(camera.distortion[[0, 1, 4]], 0.0)
+        return cv2.fisheye.undistortPoints(pixels[:, None], camera.matrix, bend, P=camera.matrix)[:, 0]
+    return cv2.undistortImagePoints(pixels, camera.matrix, camera.distortion)[:, 0]
+
+
 def test_each_run_has_the_camera_that_filmed_it(tmp_path):
-    """The video of b is 3 % wider; both were drawn and saved as the pictures of the boards show the floor."""
+    """The video of b is 3 % wider, and c is filmed by a fisheye; OpenCV shows where they are without the lens."""
     calibration = small_calibration()
     camera = replace(calibration.camera, matrix=calibration.camera.matrix * [[1.03], [1.03], [1.0]])
-    views = {"a": calibration, "b": replace(calibration, camera=camera)}
+    bent = np.array([0.02, -0.01, 0, 0, 0.003, 0, 0, 0])
+    fisheye = replace(calibration.camera, distortion=bent, lens_model="fisheye k1 k2 k3")
+    views = {"a": calibration, "b": replace(calibration, camera=camera), "c": replace(calibration, camera=fisheye)}
     corners = np.array([[-0.2, -0.1], [0.2, -0.1], [0.2, 0.1], [-0.2, 0.1]])
     bodies = {"rover": Body("rover", 0.42, corners), "object": Body("object", 0.25, corners)}
     poses = {"rover": np.array([0.6, 0.8, 0.0]), "object": np.array([-0.3, 0.8, 0.4])}
@@ -275,8 +285,8 @@ def test_each_run_has_the_camera_that_filmed_it(tmp_path):
     write_start_page(tmp_path / "start.html", "lab", [], scene, bodies, 1.0, starts, None)
     with Browser(tmp_path / "profile") as browser:
         browser.open((tmp_path / "start.html").as_uri(), 1280, 800)
-        browser.wait_for("runs.a.grey !== undefined && runs.b.grey !== undefined")
-        for shown in "ab":
+        browser.wait_for("['a', 'b', 'c'].every((name) => runs[name].grey !== undefined)")
+        for shown in "abc":
             browser.run(f"show('{shown}')")
             for name, view in views.items():
                 for body, pose in poses.items():
@@ -286,7 +296,7 @@ def test_each_run_has_the_camera_that_filmed_it(tmp_path):
                     if name == shown:
                         seen = browser.run(f"corners('{body}', runs[run].poses.{body})")
                         shift, _ = without_distortion(view.camera)
-                        straight = cv2.undistortImagePoints(there, view.camera.matrix, view.camera.distortion)[:, 0]
+                        straight = without_lens(there, view.camera)
                         straight += shift[:2, 2] - view.camera.matrix[:2, 2]
                         assert np.abs(np.array(seen) - straight).max() < 1e-3
         assert browser.complaints() == []

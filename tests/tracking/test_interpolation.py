@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,6 +33,21 @@ def test_points_of_a_plane_are_projected_where_the_camera_model_puts_them():
     pose = np.array([0.4, -0.7, 2.1])
     on_floor = np.column_stack([transform(pose, points), np.full(50, 0.42)])
     assert np.allclose(target(0.42, camera, floor).pixels(points, pose), project(camera, floor, on_floor), atol=1e-9)
+
+
+def test_points_of_a_plane_are_projected_where_a_fisheye_puts_them():
+    camera, floor = ceiling(distortion=(-0.02, 0.005, 0, 0, -0.01))
+    camera = replace(camera, lens_model="fisheye k1 k2 k3")
+    points = np.random.default_rng(0).uniform(-3, 3, (50, 2))
+    pose = np.array([0.4, -0.7, 2.1])
+    on_floor = np.column_stack([transform(pose, points), np.full(50, 0.42)])
+    assert np.allclose(target(0.42, camera, floor).pixels(points, pose), project(camera, floor, on_floor), atol=1e-9)
+
+
+def test_a_point_behind_a_fisheye_is_outside_the_picture():
+    camera, floor = ceiling()
+    there = target(9.0, replace(camera, lens_model="fisheye"), floor)
+    assert np.isnan(there.grey_values(np.zeros((1080, 1920), np.uint8), np.zeros((1, 2)), np.zeros(3))).all()
 
 
 def test_a_point_behind_the_camera_is_outside_the_picture():
