@@ -45,6 +45,16 @@ def test_pictures_that_are_all_real_are_not_named(noise_m, seed):
     assert all(np.allclose(one.covariance, one.covariance[0]) for one in tracks.values())
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("left_out", ["every fourth", "at random"])
+def test_pictures_that_the_stamps_leave_out_are_no_rhythm(left_out, seed):
+    """Steps over two intervals of time are twice as long, and no bend."""
+    index = np.arange(len(EVEN))
+    kept = index % 4 < 3 if left_out == "every fourth" else np.random.default_rng(seed).random(len(EVEN)) < 0.7
+    filmed_at = EVEN[kept]
+    assert check_invented(filmed(filmed_at, filmed_at, bumps=0.05, seed=seed))[1] == ()
+
+
 def test_one_body_that_bends_in_a_rhythm_is_not_enough():
     true, shown = _true_and_shown(4, 0)
     assert check_invented({"rover": shown["rover"], "object": true["object"]})[1] == ()
