@@ -172,6 +172,18 @@ def test_a_coding_that_nothing_decodes_is_said_in_one_message(tmp_path):
         Video(tmp_path / "a.mp4")
 
 
+def test_a_recording_without_its_beginning_is_said_in_one_message(tmp_path):
+    """What decoders must know of pictures, their size among it, is sent with the first one alone."""
+    write_video(tmp_path / "whole.ts", pictures(20), g="100")
+    with av.open(str(tmp_path / "whole.ts")) as whole, av.open(str(tmp_path / "a.ts"), "w") as cut:
+        stream = cut.add_stream_from_template(whole.streams.video[0])
+        for packet in [one for one in whole.demux(video=0) if one.size][5:]:
+            packet.stream = stream
+            cut.mux(packet)
+    with pytest.raises(InputError, match=r"no picture of a\.ts can be decoded"):
+        Video(tmp_path / "a.ts")
+
+
 class BrokenOff:
     """An opened video whose packets cannot be read from the eighth on."""
 

@@ -98,12 +98,20 @@ class Video:
         if not container.streams.video:
             container.close()
             raise InputError(f"{self.path.name} holds no video stream", remedy="give a file that holds moving pictures")
-        if shown(container).codec_context is None:
+        context = shown(container).codec_context
+        if context is None:
             container.close()
             raise InputError(
                 f"{self.path.name} is coded in a way that FFmpeg cannot decode",
                 allowed="H.264, HEVC, AV1, ProRes, MJPEG and what else FFmpeg decodes",
                 remedy="copy the file again, or export it anew with the camera's own program",
+            )
+        if not context.width:
+            container.close()
+            raise InputError(
+                f"no picture of {self.path.name} can be decoded",
+                got="neither header nor pictures tell their size, as where the beginning of a recording is missing",
+                remedy="copy the file again, or cut it again so that it begins with a keyframe",
             )
         return container
 
