@@ -158,6 +158,14 @@ def test_marks_on_a_line_are_refused():
         calibrated(replace(scene, seen=replace(scene.seen, reference=few)))
 
 
+def test_two_marks_at_one_pixel_are_refused():
+    scene = calibration_set(62)
+    pixels = scene.seen.reference.marks_px.copy()
+    pixels[5] = pixels[1]
+    with pytest.raises(InputError, match="two surveyed marks have the same pixel"):
+        calibrated(replace(scene, seen=replace(scene.seen, reference=replace(scene.seen.reference, marks_px=pixels))))
+
+
 def stretched(scene: CornerScene, by: float) -> CornerScene:
     """The same boards in pictures that were saved that much wider, about their middle."""
     middle = np.array([0.5 * scene.seen.resolution_px[0], 0.0])
