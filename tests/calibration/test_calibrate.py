@@ -203,6 +203,18 @@ def test_a_degenerate_set_is_refused_unless_accepted(monkeypatch):
     assert any(f.severity is Severity.REFUSAL for f in accepted.findings)
 
 
+def test_a_refusal_names_the_mark_that_is_off_before_what_it_leaves_uncertain(monkeypatch):
+    scene = calibration_set(87, tilt_deg=(2.0, 3.0))
+    marks_m = scene.seen.reference.marks_m.copy()
+    marks_m[3] += [0.0, 0.3]
+    reference = replace(scene.seen.reference, marks_m=marks_m)
+    named = [(s.name, np.zeros((1080, 1920), np.uint8)) for s in scene.seen.observations]
+    monkeypatch.setattr("towval.calibration.calibrate.find_boards", lambda *_: ([*scene.seen.observations], {}))
+    with pytest.raises(RefusedError) as error:
+        calibrate(named, [], BOARD, reference, QUICK)
+    assert error.value.got.startswith(f"The surveyed mark at {marks_m[3].tolist()} m is")
+
+
 def test_a_refusal_says_that_no_board_is_held_where_the_floor_s_pattern_finds_all_pictures(monkeypatch):
     scene = calibration_set(87, tilt_deg=(2.0, 3.0), floor="boards")
     named = [(s.name, np.zeros((1080, 1920), np.uint8)) for s in scene.seen.floor_boards]

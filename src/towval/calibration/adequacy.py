@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from towval.calibration.blocks import Estimate, residuals
+from towval.calibration.blocks import BOARD_DOUBTS, CAMERA_END, Estimate, residuals
 from towval.calibration.bundle_adjustment import adjust, marginal_covariance
 from towval.calibration.lens import LensTrial, active_parameters
 from towval.calibration.observations import CalibrationObservations
+from towval.calibration.single_marks import misfit_findings
 from towval.model import Array, Calibration, Camera, Finding, Floor, Severity
 from towval.model.findings import finding
 from towval.optics.plane_uncertainty import (
@@ -241,15 +242,13 @@ def marks_std_px(observed: CalibrationObservations, estimate: Estimate) -> tuple
     return np.sqrt(squares / freedom), bool(squares > stated**2 * chdtri(freedom, 0.001))
 
 
-def marks_findings(observed: CalibrationObservations, estimate: Estimate, stated_std_px: float) -> list[Finding]:
+def marks_findings(observed: CalibrationObservations, trial: LensTrial, stated_std_px: float) -> list[Finding]:
     """Findings about surveyed marks that are worse than the campaign states [px], all of them or single ones."""
     if not observed.marks:
         return []
     reference, findings = observed.floor_reference, []
     if reference.mark_std_px > stated_std_px:
         findings.append(finding("marks-noisy", found_px=reference.mark_std_px, stated_px=stated_std_px))
-    distance = np.linalg.norm(residuals(observed.blocks, estimate)[-1], axis=1)
-    for i in np.flatnonzero(distance > 4 * stated_std_px):
-        at_m = reference.marks_m[i].tolist()
-        findings.append(finding("mark-misfit", at_m=at_m, distance_px=distance[i], stated_px=stated_std_px))
-    return findings
+    known = np.flatnonzero(trial.estimate.doubts_std[BOARD_DOUBTS - CAMERA_END] > 0)
+    active = np.concatenate([active_parameters(trial.model, with_floor=True), BOARD_DOUBTS[known]])
+    return [*findings, *misfit_findings(observed.blocks, trial.estimate, active, stated_std_px)]

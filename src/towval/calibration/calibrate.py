@@ -97,7 +97,9 @@ def calibrate(
     refusals = [finding.text for finding in calibration.findings if finding.severity is Severity.REFUSAL]
     if refusals and not settings.accept_refused:
         remedy = None if len(everything) > len(floor_images) else _NONE_IS_HELD
-        raise RefusedError("the calibration views are degenerate", got=" ".join(refusals), remedy=remedy)
+        # A single mark that is metres off leaves all else uncertain.
+        marks = [finding.text for finding in calibration.findings if finding.code == "mark-misfit"][:1]
+        raise RefusedError("the calibration views are degenerate", got=" ".join([*marks, *refusals]), remedy=remedy)
     return calibration
 
 
@@ -199,7 +201,7 @@ def calibrate_observations(
     )
     calibration = _judged(calibration, kept, settled.trials, chosen, (0.0, *heights_m), settings.position_limit_m)
     stated = observed.reference.mark_std_px if observed.reference is not None else np.nan
-    further = (*settled.findings, *_fisheye_findings(adjusted), *marks_findings(kept, estimate, stated))
+    further = (*settled.findings, *_fisheye_findings(adjusted), *marks_findings(kept, chosen, stated))
     quality = {**calibration.quality, **settled.quality}
     left_out = _dropped_findings(calibration, repeats)
     return replace(calibration, findings=(*left_out, *calibration.findings, *further), quality=quality)

@@ -15,6 +15,7 @@ from towval.calibration.blocks import Block, Estimate, Placement, residuals
 from towval.calibration.bundle_adjustment import adjust, marginal_covariance
 from towval.calibration.lens import LensTrial, active_parameters, choose_lens, families, may_be_fisheye
 from towval.calibration.observations import MARKS_VIEW, CalibrationObservations, with_floor
+from towval.calibration.single_marks import misfit_findings
 from towval.model import Array, Calibration, Camera, Floor, FloorReference, View
 from towval.model.camera import is_fisheye
 from towval.model.errors import InputError
@@ -54,7 +55,9 @@ def calibrate_marks(
     covariance, _ = marginal_covariance([_block(reference, std_px)], estimate, active)
     camera = Camera(resolution_px, estimate.matrix, estimate.distortion, chosen.model)
     calibration = Calibration(camera, Floor(estimate.T_camera_floor), covariance, std_px)
-    return _reported(calibration, reference, chosen, (0.0, *heights_m))
+    calibration = _reported(calibration, reference, chosen, (0.0, *heights_m))
+    single = misfit_findings([_block(reference, std_px)], estimate, active, reference.mark_std_px)
+    return replace(calibration, findings=(*calibration.findings, *single))
 
 
 def _trials(resolution_px: tuple[int, int], reference: FloorReference, models: Sequence[str]) -> list[LensTrial]:
