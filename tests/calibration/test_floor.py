@@ -53,6 +53,12 @@ def test_one_corner_cannot_be_origin_and_axis():
         in_floor_axes(observation, FloorReference(observation.corners_px[0], observation.corners_px[0] + 1))
 
 
+def test_the_axis_runs_along_a_row_not_across_the_board():
+    observation = seen_from_above(0.9)
+    with pytest.raises(InputError, match="neither in the row nor in the column"):
+        in_floor_axes(observation, FloorReference(observation.corners_px[0], observation.corners_px[53]))
+
+
 def test_half_a_floor_frame_is_refused():
     with pytest.raises(InputError, match="the floor frame is not fixed"):
         FloorReference(origin_corner_px=np.zeros(2))

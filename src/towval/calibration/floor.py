@@ -13,11 +13,14 @@ from towval.model.errors import InputError
 from towval.model.geometry import rigid_fit
 from towval.optics.projection import to_plane_kernel, undistorted_kernel
 
+_ROUNDING_M = 1e-6
+
 
 def in_floor_axes(observation: BoardObservation, reference: FloorReference) -> BoardObservation:
     """The first floor board in floor coordinates: origin at the corner pointed at, x along the row pointed along.
 
-    Raises `InputError` when a point is further than one square from the nearest corner, or both mean the same corner.
+    Raises `InputError` when a point is further than one square from the nearest corner, or both mean the same corner or
+    corners neither in one row nor in one column.
     """
     origin = _nearest(observation, reference.origin_corner_px, "floor.origin_corner_px")
     end = _nearest(observation, reference.x_axis_end_corner_px, "floor.x_axis_end_corner_px")
@@ -28,6 +31,12 @@ def in_floor_axes(observation: BoardObservation, reference: FloorReference) -> B
             remedy="give another corner of the same row of the board",
         )
     axis = observation.board_m[end] - observation.board_m[origin]
+    if np.abs(axis).min() > _ROUNDING_M:
+        raise InputError(
+            "floor.x_axis_end_corner_px is neither in the row nor in the column of floor.origin_corner_px",
+            got=np.round(observation.corners_px[[origin, end]], 1).tolist(),
+            remedy="give the corner at the end of the origin's row, not one across the board",
+        )
     c, s = axis / np.linalg.norm(axis)
     turned = (observation.board_m - observation.board_m[origin]) @ np.array([[c, -s], [s, c]])
     return replace(observation, board_m=turned)
