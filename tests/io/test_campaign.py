@@ -329,6 +329,18 @@ WRONG = {
 }
 
 
+def test_where_marks_fix_the_frame_the_board_on_the_floor_needs_no_corner_pointed_at(campaign):
+    def change(document):
+        for key in ("origin_corner_px", "x_axis_end_corner_px"):
+            del document["floor"][key]
+        at = [(100, 100), (1800, 100), (1800, 1000), (100, 1000)]
+        document["floor"]["surveyed_marks"] = [{"at_px": [*px], "at_m": [px[0] / 1e3, -px[1] / 1e3]} for px in at]
+
+    read = load_campaign(campaign(change))
+    assert len(read.floor_images) >= 1
+    assert read.floor_reference.origin_corner_px is None
+
+
 @pytest.mark.parametrize("name", WRONG)
 def test_one_message_names_the_key(campaign, name):
     change, words = WRONG[name]

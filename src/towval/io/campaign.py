@@ -256,15 +256,16 @@ def floor_reference_of(floor: dict[str, Any]) -> FloorReference:
     """The reference for the floor frame that section floor states."""
     board_keys = [key for key in ("image", "origin_corner_px", "x_axis_end_corner_px") if key in floor]
     marks = floor.get("surveyed_marks", [])
-    if len(board_keys) not in (0, 3) or not (board_keys or marks):
+    by_board = len(board_keys) == 3
+    if not by_board and not (marks and set(board_keys) <= {"image"}):
         raise InputError(
             "campaign.yaml: the floor frame is not fixed",
             got=f"floor.{', floor.'.join(board_keys) or '(nothing)'}",
             allowed="floor.image with floor.origin_corner_px and floor.x_axis_end_corner_px, or floor.surveyed_marks",
         )
     return FloorReference(
-        origin_corner_px=np.array(floor["origin_corner_px"], dtype=float) if board_keys else None,
-        x_axis_end_corner_px=np.array(floor["x_axis_end_corner_px"], dtype=float) if board_keys else None,
+        origin_corner_px=np.array(floor["origin_corner_px"], dtype=float) if by_board else None,
+        x_axis_end_corner_px=np.array(floor["x_axis_end_corner_px"], dtype=float) if by_board else None,
         board_thickness_m=floor.get("board_thickness_m", FloorReference.board_thickness_m),
         board_thickness_std_m=floor.get("board_thickness_std_m", _thickness_std_m("board_thickness_m" in floor)),
         marks_px=np.array([mark["at_px"] for mark in marks], dtype=float).reshape(-1, 2),
