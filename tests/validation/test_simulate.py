@@ -184,7 +184,7 @@ def test_friction_numbers_that_the_law_does_not_meet_are_reported(tracks, monkey
     """Makkar's fit refuses such numbers itself; another law may come close only."""
     law = fitted_law(SCENE.friction).law
     monkeypatch.setattr("towval.validation.scene_model.fitted_law", lambda _: FittedLaw(law, 0.012))
-    assert "by up to 0.0120" in codes(tracks)["friction_law"].text
+    assert "by up to 1.2 %" in codes(tracks)["friction_law"].text
 
 
 def test_the_finding_on_the_rung_tells_the_distance_to_the_next_simpler_one(tracks):

@@ -20,7 +20,8 @@ register(  # simulate; the last six are those of towval.physics
     FindingType("simulate_outcome", "simulate", WARNING, NOT_JUDGED, "{outcome}: {advice}"),
     FindingType(
         "friction_law", "simulate", WARNING, Consequence(widens=("friction",)),
-        "The friction law misses the specified coefficients by up to {residual:.4f}.",
+        "The friction law misses the stated coefficients by up to {percent:.1f} %. Take another friction.law: makkar "
+        "has both, coulomb the kinetic one alone.",
     ),
     FindingType(
         "simulate_cut", "simulate", WARNING, NONE,

@@ -205,7 +205,7 @@ class RunSimulation:
         if motion.outcome != Outcome.CONVERGED and not any(motion.advice in found.text for found in motion.findings):
             findings.append(finding("simulate_outcome", outcome=motion.outcome, advice=motion.advice))
         if self.model.law.residual > _LAW_RESIDUAL:
-            findings.append(finding("friction_law", residual=self.model.law.residual))
+            findings.append(finding("friction_law", percent=100 * self.model.law.residual))
         if len(self.times) < len(self.asked):
             findings.append(finding("simulate_cut", count=len(self.asked) - len(self.times)))
         findings += [*self.unpulled, *_hanging_findings(self.scene, motion)]
