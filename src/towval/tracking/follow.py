@@ -338,8 +338,8 @@ class Follower:
         most = CONSTANTS.most_rest_px * self.pixel_m * np.array([1, 1, 1 / self.target.reach_m])
         pose = hold_rest(time_s, raw, covariance, tracked, most)
         covariance = as_when_moving(covariance, tracked & moving, tracked & ~moving)
-        seen, most_m = np.where(tracked[:, None], raw, np.nan), self._explained_m(np.diff(time_s)[1:])
-        self.findings += jump_findings(self.target, time_s, seen, covariance, most_m)
+        observed = time_s[tracked], raw[tracked], covariance[tracked]
+        self.findings += jump_findings(self.target, *observed, self._explained_m)
         if fit is not None:
             pose = compose(pose, fit.correction)
         return Track(
