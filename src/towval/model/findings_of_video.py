@@ -113,9 +113,9 @@ register(  # track
     FindingType(
         "jumped", "track", WARNING, NOT_JUDGED,
         "{name} jumps {count} times from one picture that shows it to the next, by up to {by_mm:.0f} mm, first at "
-        "{time_s:.2f} s: more than wheels or a tether can make it. Either a part of the picture stood still before (lost "
-        "packets), or pictures were lost, cut out (joined takes) or left out (a time lapse), or something else was taken "
-        "for {name}. Look at the video there, and use it up to there or record it again.",
+        "{time_s:.2f} s: more than wheels or a tether can make it. Either a part of the picture stood still before "
+        "(lost packets), or pictures were lost, cut out (joined takes) or left out (a time lapse), or something else "
+        "was taken for {name}. Look at the video there, and use it up to there or record it again.",
     ),
     FindingType(
         "pictures_missing", "track", NOTE, NONE,
