@@ -585,6 +585,13 @@ def test_of_places_that_look_as_good_the_one_at_home_is_found(follower):
     assert follower._search(1.0, None, None).pose == pytest.approx(here)
 
 
+def test_a_body_that_was_rarely_seen_is_not_called_plain(follower):
+    status = np.full(8, TrackStatus.LOST, dtype=np.uint8)
+    status[0] = TrackStatus.TRACKED
+    covariance = np.tile((0.1 * PIXEL_M) ** 2 * np.eye(3), (8, 1, 1))
+    assert {one.code for one in follower._judge_observations(np.arange(8.0), covariance, status)} == {"not_seen"}
+
+
 @pytest.mark.parametrize(("std_px", "plain"), [(0.1, False), (0.15, True)])
 def test_a_plain_target_is_flagged(follower, std_px, plain):
     covariance = np.tile((std_px * PIXEL_M) ** 2 * np.eye(3), (4, 1, 1))

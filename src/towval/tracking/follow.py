@@ -419,8 +419,8 @@ class Follower:
             findings.append(finding("focus_changed", name=name, blur_px=self.tracker.widest_blur_px))
         if self.mistakable:
             findings.append(finding("lookalike", name=name, count=self.mistakable))
-        std_m = float(np.sqrt(np.median(covariance[tracked][:, 0, 0]))) if tracked.any() else np.inf
-        if std_m > CONSTANTS.low_texture_px * self.pixel_m or tracked.sum() < len(status) / 4:
+        std_m = float(np.sqrt(np.median(covariance[tracked][:, 0, 0]))) if tracked.any() else 0.0
+        if std_m > CONSTANTS.low_texture_px * self.pixel_m:
             findings.append(finding("low_texture", name=name, std_mm=1000 * std_m))
         return findings
 
