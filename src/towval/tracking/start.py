@@ -267,7 +267,8 @@ def _together(
         names = " and ".join(absent or [target.body.name for target in targets])
         raise InputError(
             f"where {names} starts is not found",
-            remedy="start with both bodies in view, or click their corners (first_frame_clicks_px)",
+            remedy="click their corners (first_frame_clicks_px), or start with both bodies in view, neither at rest "
+            "for most of the run: they are looked for among what moves",
         )
     ranked.sort(key=lambda entry: (-entry[0], -entry[1]))
     joined, best, choice = ranked[0]
