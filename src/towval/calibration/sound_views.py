@@ -70,9 +70,9 @@ class Adjusted(NamedTuple):
 def adjust_sound_views(
     observed: CalibrationObservations, models: Sequence[str], folds: int, misfit_ratio: float
 ) -> Adjusted:
-    """The calibration with a pinhole camera, or a fisheye where the lens may be one and leaves clearly less.
+    """The calibration with a pinhole camera, or a fisheye where the lens may be one and this predicts the views better.
 
-    A pinhole camera with a lens that fits is kept: other programs know it, and published calibrations have it.
+    Without a floor a pinhole camera that fits is kept: such a calibration is for other programs, which know it.
     ``models`` to choose the lens from, with ``folds`` of the cross-validation; ``misfit_ratio``: a view with residuals
     this many times those of the median view is dropped. `RefusedError` where too few views are left, or the board that
     fixes the floor frame does not fit.
@@ -99,10 +99,11 @@ def adjust_sound_views(
 
 
 def _better(pinhole: Adjusted, fisheye: Adjusted) -> Adjusted:
-    """The fisheye where it leaves clearly less; else the pinhole camera, with what predicts better."""
-    if _clearly_less(fisheye.settled.chosen.estimate, pinhole.settled.chosen.estimate):
-        return fisheye
-    return pinhole._replace(fisheye=_more_predictive(pinhole, fisheye))
+    """The more predictive one; of a camera alone the pinhole, beside the other, unless that leaves clearly less."""
+    better = _more_predictive(pinhole, fisheye)
+    with_floor = pinhole.kept.reference is not None
+    clearly = _clearly_less(fisheye.settled.chosen.estimate, pinhole.settled.chosen.estimate)
+    return fisheye if clearly or (with_floor and better) else pinhole._replace(fisheye=better)
 
 
 def _clearly_less(fisheye: Estimate, pinhole: Estimate) -> bool:
