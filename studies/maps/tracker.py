@@ -122,7 +122,7 @@ def _parts(settings: Settings) -> dict[str, Part]:
     }
     if settings.quick:
         grids = {"noise and texture": ([3, 12], [3, 35]), "occlusion": ([0.4, 1.0], [0.3])}
-    seeds = [71] if settings.quick else [71, 72, 73]
+    seeds = [71] if settings.quick else list(range(71, 81))
     return {
         name.replace(" ", "_"): {"name": name, "x": [float(v) for v in x], "y": [float(v) for v in y], "seeds": seeds}
         for name, (x, y) in grids.items()
@@ -141,7 +141,7 @@ STUDY = Study(
             "change of light": ("factor of the light", "within [s]"),
             "compression": ("rate factor (crf)", "noise [grey levels]"),
         },
-        note="The worst of three films. Right: no tracked frame of rover or object is off by more than half a pixel "
+        note="The worst of ten films. Right: no tracked frame of rover or object is off by more than half a pixel "
         "(2.4 mm). Flagged: a warning, a frame not tracked, a refusal, or an error within four stated standard "
         "deviations.",
         take="Film every frame sharp at crf 23 or better, on a top with contrast: what hides, darkens or blurs it "

@@ -1,9 +1,9 @@
-"""Preset auto beside fine on a campaign: CPU time, how far its paths move, and what they may move.
+"""Presets draft and auto beside fine on a campaign: CPU time, how far paths move, and what they may move under auto.
 
-    python -m studies.tables.presets_auto [path/to/campaign] [--preset draft]
+    python -m studies.tables.presets_auto [path/to/campaign]
 
-Both are run by the workflow from the calibration to the verdict, without figures. A measured or simulated path may move
-by a third of the measurement uncertainty, root mean square over the run.
+The workflow runs them from the calibration to the verdict, without figures. Under auto, measured and simulated paths
+may move by a third of the measurement uncertainty, root mean square over the run.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from towval.io.records import read_calibration, read_comparison, read_simulated,
 from towval.model import Choice, SimulatedMotion, Track
 from towval.selection.margin import SHARE, measurement_std_m, seen_places
 
-PRESETS = ("auto", "fine")
+PRESETS = ("draft", "auto", "fine")
 
 
 def run_workflow(campaign: Campaign, preset: str, results: Path) -> None:
@@ -48,9 +48,8 @@ def moved_mm(one: Track | SimulatedMotion, other: Track | SimulatedMotion) -> fl
 
 @dataclass(frozen=True)
 class Beside:
-    """A run under auto, or another preset, beside the same run under fine: how far its measured and simulated path
-    ``moved`` and may move, ``path_rms`` of simulated minus measured under both, all [mm], both verdicts, and what the
-    first chose."""
+    """A run under one preset beside the same run under a finer one: how far its measured and simulated path ``moved``
+    and may move, ``path_rms`` of simulated minus measured under both, all [mm], both verdicts, what the first chose."""
 
     moved: tuple[float, float]
     allowed: float
@@ -77,17 +76,17 @@ def beside(campaign: Campaign, run: str, folders: Sequence[Path]) -> Beside:
 
 
 def compared_presets(
-    campaign: Campaign, presets: tuple[str, str]
-) -> tuple[dict[str, tuple[float, float]], dict[str, Beside]]:
-    """Wall and CPU time [s] of all runs by preset, and each run under the first beside the second."""
+    campaign: Campaign, presets: Sequence[str]
+) -> tuple[list[tuple[float, float]], list[dict[str, Beside]]]:
+    """Wall and CPU time [s] of all runs under each preset; under each but the last, every run beside the last's."""
     with tempfile.TemporaryDirectory() as place:
-        results = [Path(place) / preset for preset in presets]
-        cost = {
-            preset: wall_and_cpu_seconds(partial(run_workflow, campaign, preset, into))
+        results = [Path(place) / str(i) for i in range(len(presets))]
+        cost = [
+            wall_and_cpu_seconds(partial(run_workflow, campaign, preset, into))
             for preset, into in zip(presets, results, strict=True)
-        }
-        folders = [into / campaign.folder.name for into in results]
-        return cost, {run: beside(campaign, run, folders) for run in campaign.runs}
+        ]
+        *others, finest = [into / campaign.folder.name for into in results]
+        return cost, [{run: beside(campaign, run, (each, finest)) for run in campaign.runs} for each in others]
 
 
 @errors_reported()
@@ -95,23 +94,20 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("campaign", type=Path, nargs="?", default=SAMPLE)
-    parser.add_argument("--preset", default=PRESETS[0], help="another one in place of auto")
-    given = parser.parse_args()
-    campaign, presets = load_campaign(given.campaign.resolve()), (given.preset, PRESETS[1])
-    cost, runs = compared_presets(campaign, presets)
+    campaign = load_campaign(parser.parse_args().campaign.resolve())
+    cost, found = compared_presets(campaign, PRESETS)
+    *presets, finest = PRESETS
     print(f"{campaign.name}, {len(campaign.runs)} runs, calibration to verdict")
-    for preset, (wall, cpu) in cost.items():
+    for preset, (wall, cpu) in zip(PRESETS, cost, strict=True):
         print(f"{preset}: {cpu:.1f} s CPU, {wall:.1f} s wall")
-    print(f"moved against {presets[1]} and allowed, then simulated - measured under both, all mm RMS")
-    print(f"{'run':4}{'measured':>10}{'simulated':>11}{'allowed':>9}{'':10}", end="")
-    print(*(f"{preset:>9}" for preset in presets), " verdicts; taken", sep="")
-    for run, found in runs.items():
-        (measured, simulated), (one, other) = found.moved, found.path_rms
-        print(
-            f"{run:4}{measured:10.3f}{simulated:11.3f}{found.allowed:9.3f}"
-            f"  {'kept' if max(found.moved) <= found.allowed else 'MISSED':8}{one:9.3f}{other:9.3f}"
-            f"  {' / '.join(found.verdicts)}; {'; '.join(f'{each.what} {each.chosen}' for each in found.chosen)}"
-        )
+    print(f"moved against {finest}, allowed to auto, then simulated - measured under both, all mm RMS")
+    print(f"{'preset':8}{'run':4}{'measured':>9}{'simulated':>11}{'allowed':>9}{'':10}  both  verdicts; taken")
+    for preset, runs in zip(presets, found, strict=True):
+        for run, each in runs.items():
+            within = "within" if max(each.moved) <= each.allowed else "beyond"
+            taken = "; ".join(f"{choice.what} {choice.chosen}" for choice in each.chosen)
+            print(f"{preset:8}{run:4}{each.moved[0]:9.3f}{each.moved[1]:11.3f}{each.allowed:9.3f}  {within:8}", end="")
+            print(f"{each.path_rms[0]:9.3f}{each.path_rms[1]:9.3f}  {' / '.join(each.verdicts)}; {taken}")
 
 
 if __name__ == "__main__":
