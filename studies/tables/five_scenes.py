@@ -221,18 +221,29 @@ def page(found: list[Scene]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def main_choices(result: PipelineResult) -> dict[str, Choice | None]:
+    """What was chosen for the object, the lens, the tracking, a step and the draws; None where nothing was."""
+    by_name = {choice.what: choice for choice in result.choices}
+    points = next((c for c in result.choices if "points" in c.chosen), None)
+    return {
+        name: points if name == _POINTS else by_name.get(name) for name in (_RUNG, _LENS, _POINTS, _TOLERANCE, _DRAWS)
+    }
+
+
+def effects_taken(result: PipelineResult) -> str:
+    """The effects of the lab that were simulated, or "none"."""
+    taken = [c.what.removeprefix("effect: ") for c in _effects(result) if c.chosen.startswith("taken")]
+    return ", ".join(taken) or "none"
+
+
 def _overview(scene: Scene) -> str:
     name, what, result, _ = scene
     if isinstance(result, str):
         return f"| {name} | {what} | refused |" + " |" * 6
-    by_name = {choice.what: choice for choice in result.choices}
-    points = next((c for c in result.choices if "points" in c.chosen), None)
-    chosen = [by_name.get(_RUNG), by_name.get(_LENS), points, None, by_name.get(_TOLERANCE), by_name.get(_DRAWS)]
-    cells = ["–" if c is None else f"{c.chosen} ({_moved(c)})" for c in chosen]
+    cells = ["–" if c is None else f"{c.chosen} ({_moved(c)})" for c in main_choices(result).values()]
     frames = len(result.measured["object"].time_s)
-    cells[3] = f"{' and '.join(map(str, result.kept))} of {frames}"
-    taken = [c.what.removeprefix("effect: ") for c in _effects(result) if c.chosen.startswith("taken")]
-    return f"| {name} | {what} | {' | '.join(cells)} | {', '.join(taken) or 'none'} |"
+    cells.insert(3, f"{' and '.join(map(str, result.kept))} of {frames}")
+    return f"| {name} | {what} | {' | '.join(cells)} | {effects_taken(result)} |"
 
 
 def _conclusion(result: PipelineResult) -> str:
