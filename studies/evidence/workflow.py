@@ -15,8 +15,9 @@ import numpy as np
 from studies.evidence import lab
 from studies.evidence.compute import shared_folder
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import both, replaced
+from studies.evidence.planting import both, replaced, result_of
 from studies.tables import many_campaigns, presets_auto, workflow_time
+from studies.tables.presets_auto import Beside
 from studies.tables.workflow_time import REPOSITORY, SAMPLE, Stage, workflow
 from towval.io.campaign import load_campaign
 from towval.model import SimulatedMotion, Track
@@ -138,12 +139,17 @@ def _presets() -> Values:
     return found
 
 
+def _misread(found: Beside) -> Beside:
+    return replace(found, chosen=tuple(replace(choice, chosen=choice.next) for choice in found.chosen))
+
+
 PRESETS = Check(
     _presets,
     {
         "presets auto, draft and draft in place of draft, auto and fine; the tether is 5 cm too long; a path is a "
-        "picture late; a tenth of the measurement's deviation is allowed": both(
+        "picture late; a tenth of the measurement's deviation is allowed; what auto rejected is read as chosen": both(
             replaced(presets_auto, "PRESETS", lambda _: ("auto", "draft", "draft")),
+            replaced(presets_auto, "beside", result_of(_misread)),
             lab.stating(rest_length_m="0.65"),
             replaced(presets_auto, "moved_mm", lambda moved: lambda one, other: moved(one, _late(other))),
             replaced(presets_auto, "SHARE", lambda share: 0.3 * share),

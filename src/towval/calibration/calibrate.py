@@ -28,6 +28,7 @@ from towval.calibration.floor import in_floor_axes
 from towval.calibration.lens import LENS_MODELS, NESTED, LensTrial
 from towval.calibration.observations import MARKS_VIEW, CalibrationObservations
 from towval.calibration.sound_views import Adjusted, adjust_sound_views
+from towval.calibration.stray_marks import with_sound_marks
 from towval.model import Board, Calibration, Camera, Finding, Floor, FloorReference, Severity, View
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
@@ -97,8 +98,9 @@ def calibrate(
     refusals = [finding.text for finding in calibration.findings if finding.severity is Severity.REFUSAL]
     if refusals and not settings.accept_refused:
         remedy = None if len(everything) > len(floor_images) else _NONE_IS_HELD
-        # A single mark that is metres off leaves all else uncertain.
-        marks = [finding.text for finding in calibration.findings if finding.code == "mark-misfit"][:1]
+        # A single mark that is metres off may leave all else uncertain.
+        codes = "mark-left-out", "mark-misfit"
+        marks = [finding.text for finding in calibration.findings if finding.code in codes][:1]
         raise RefusedError("the calibration views are degenerate", got=" ".join([*marks, *refusals]), remedy=remedy)
     return calibration
 
@@ -187,6 +189,22 @@ def calibrate_observations(
     A degenerate set is in the findings, with the severity of a refusal where it is hopeless. `RefusedError` where too
     few views are left, or the board that fixes the floor frame does not fit.
     """
+    if not observed.marks:
+        return _calibrated(observed, settings, without_board, heights_m)
+    return with_sound_marks(
+        observed.floor_reference,
+        observed.resolution_px,
+        lambda sound: _calibrated(replace(observed, reference=sound), settings, without_board, heights_m),
+    )
+
+
+def _calibrated(
+    observed: CalibrationObservations,
+    settings: CalibrateSettings,
+    without_board: dict[str, str],
+    heights_m: Sequence[float],
+) -> Calibration:
+    """As :func:`calibrate_observations`, with all of the marks."""
     distinct, repeats = without_repeats(observed)
     adjusted = adjust_sound_views(distinct, settings.lens_models, settings.folds, settings.misfit_ratio)
     kept, dropped, settled = adjusted.kept, adjusted.dropped, adjusted.settled

@@ -16,12 +16,13 @@ from towval.calibration.bundle_adjustment import adjust, marginal_covariance
 from towval.calibration.lens import LensTrial, active_parameters, choose_lens, families, may_be_fisheye
 from towval.calibration.observations import MARKS_VIEW, CalibrationObservations, with_floor
 from towval.calibration.single_marks import misfit_findings
+from towval.calibration.stray_marks import with_sound_marks
 from towval.model import Array, Calibration, Camera, Floor, FloorReference, View
 from towval.model.camera import is_fisheye
 from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import lifted
-from towval.optics.projection import to_plane
+from towval.optics.projection import to_plane, undistorted_kernel
 
 _SPARE = 2
 """Numbers that the marks give beyond the unknowns, at least: with fewer nothing checks the fit."""
@@ -34,8 +35,17 @@ def calibrate_marks(
 
     ``reference`` has the deviation of a pixel; the residuals' counts where that is clearly larger. ``models`` begin
     with the smallest; ``heights_m`` are planes for which the uncertainty of positions is stated besides the floor [m].
-    `InputError` for too few marks, marks on a line, or marks in left-handed coordinates.
+    `InputError` for too few marks, marks on a line, in left-handed coordinates, or marks that contradict each other.
     """
+    return with_sound_marks(
+        reference, resolution_px, lambda sound: _calibrated(resolution_px, sound, models, heights_m)
+    )
+
+
+def _calibrated(
+    resolution_px: tuple[int, int], reference: FloorReference, models: Sequence[str], heights_m: Sequence[float]
+) -> Calibration:
+    """As :func:`calibrate_marks`, with all of the marks."""
     pinholes, fisheyes = families([model for model in models if _enough(reference, model)])
     trials = _trials(resolution_px, reference, pinholes)
     if fisheyes and (not trials or may_be_fisheye(choose_lens(trials).estimate, resolution_px)):
@@ -73,11 +83,19 @@ def _trials(resolution_px: tuple[int, int], reference: FloorReference, models: S
     fits = [_fitted(reference, first, model) for model in models]
     # A model that the marks do not determine takes a hundred times as long to predict them, and is not chosen.
     fits = [fit for fit in fits if fit.determined] or fits
+    fits = [fit for fit in fits if _unfolded(reference, fit.estimate)] or fits
     return [_predicting(reference, fit) for fit in fits]
 
 
 def _enough(reference: FloorReference, model: str) -> bool:
     return 2 * len(reference.marks_px) >= len(active_parameters(model, with_floor=True)) + _SPARE
+
+
+def _unfolded(reference: FloorReference, estimate: Estimate) -> bool:
+    """Whether a lens says what it shows half-way between any two marks: coefficients that cancel may fold it there."""
+    one, other = np.triu_indices(len(reference.marks_px))
+    between = (reference.marks_px[one] + reference.marks_px[other]) / 2
+    return bool(np.isfinite(undistorted_kernel(between, estimate.matrix, estimate.lens)).all())
 
 
 def _block(reference: FloorReference, std_px: float, kept: slice | Array = np.s_[:]) -> Block:

@@ -226,6 +226,11 @@ register(  # calibrate
         "The surveyed mark at {at_m} m is {distance_px:.1f} px from where the others put it (stated deviation of a "
         "mark: {stated_px:.1f} px). Check its pixel and its coordinates.",
     ),
+    FindingType(
+        "mark-left-out", "calibrate", WARNING, NONE,
+        "The surveyed mark at {at_m} m is {distance_px:.0f} px from where the others put it, and was left out. Check "
+        "its pixel and its coordinates.",
+    ),
 )  # fmt: skip
 
 _TOPS_APART = (
