@@ -735,3 +735,18 @@ def test_four_pictures_in_which_a_body_is_elsewhere_suffice(monkeypatch):
     monkeypatch.setattr(co_moving_module, "Lookalikes", lambda *_: None)
     others = len(co_moving(own, POSE, [np.zeros((2, 2), np.uint8)] * 19)) - 1
     assert 3 <= others <= 6
+
+
+@pytest.mark.parametrize("times", [0.1, 2.54])
+def test_tops_stated_in_another_unit_are_refused_as_that(times):
+    """The clicks were blamed, and were to be clicked again."""
+    scene, tow = towed(5)
+    luma = spread(scene, TIMES_S[:1])[0]
+    clicks = scene.clicks(np.random.default_rng(5))
+    bodies = [replace(body, top_corners_m=times * body.top_corners_m) for body in scene.bodies]
+    with pytest.raises(InputError, match="quite another size") as error:
+        check_clicks([luma], scene.calibration, bodies, clicks, tow)
+    assert f"{1 / times:.1f}"[:2] in error.value.got
+    assert "square_m" in error.value.allowed
+    crossed = {name: clicked[[0, 2, 1, 3]] for name, clicked in clicks.items()}
+    check_clicks([luma], scene.calibration, scene.bodies, crossed, tow)

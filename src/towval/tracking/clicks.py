@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from towval.model import Array, Body, Calibration, Finding, Track
+from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import compose, inverse_transform
 from towval.tracking.co_moving import co_moving
@@ -20,6 +21,12 @@ from towval.tracking.pose import step_between
 from towval.tracking.rectified import View
 from towval.tracking.start import CONSTANTS, Place, Tow, around, joined_orientations, targets_in_view
 from towval.tracking.template import Luma
+
+_OTHER_UNIT = 2.0
+"""Times as large that no measurement is by mistake, but a length in another unit: inches for centimetres are 2.54."""
+
+_OF_ITS_SHAPE = 0.1
+"""Deviation of a top's size, of that size, below which its clicks have the shape of the top."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +68,7 @@ def _checked_together(
     all_clicked: bool,
 ) -> dict[str, Clicked]:
     """As :func:`check_clicks`, in frames at the middles of the tops."""
+    _check_unit(targets, clicks_px)
     checked = {target.body.name: _checked(target, pictures, clicks_px[target.body.name]) for target in targets}
     if not all_clicked:
         return checked
@@ -226,6 +234,26 @@ def _of_one_scale(
     larger = (1 + apart) ** (1 - 2 * worse) - 1
     found = finding("clicks_scale", name=name, percent=100 * larger, std_percent=100 * std)
     return {**checked, name: replace(checked[name], findings=(*checked[name].findings, found))}
+
+
+def _check_unit(targets: Sequence[PlanarTarget], clicks_px: Mapping[str, ArrayLike]) -> None:
+    """Refuse clicks that have the shapes of two tops of quite another size: no slip of a click explains that."""
+    given = [np.asarray(clicks_px[target.body.name], dtype=np.float64) for target in targets]
+    if len(targets) < 2 or any(
+        clicks.shape != target.body.top_corners_m.shape for clicks, target in zip(given, targets, strict=True)
+    ):
+        return
+    scales = [_scale(target, _in_order(target, clicks)) for target, clicks in zip(targets, given, strict=True)]
+    sizes = [size for size, _ in scales]
+    alike = all(std < _OF_ITS_SHAPE * size for size, std in scales)
+    if alike and (min(sizes) > _OTHER_UNIT or max(sizes) < 1 / _OTHER_UNIT):
+        names = [f"{target.body.name} {size:.3g} times" for target, size in zip(targets, sizes, strict=True)]
+        raise InputError(
+            "the clicked tops are of quite another size than stated",
+            got=f"{' and '.join(names)} as large",
+            allowed="camera.board.square_m, top_corners_m and tracked_plane_height_m, all in metres",
+            remedy="measure a square of the board again, and a side of each top",
+        )
 
 
 def _exchanged(targets: Sequence[PlanarTarget], given: Mapping[str, Array]) -> bool:
