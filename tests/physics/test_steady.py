@@ -121,6 +121,17 @@ def test_a_region_of_the_floor_raises_the_pull_within_it():
     assert pulls[[0, -1]] == pytest.approx(MU * MASS * G * np.array([1.0, 1.5]), rel=1e-9)
 
 
+@pytest.mark.parametrize("slope", [(0.01, 0.005), (0.05, 0.02), (-0.05, -0.02)])
+def test_an_object_at_rest_on_a_slope_keeps_its_heading(slope):
+    """The tether holds it as it was drawn. At a creep next to no friction would, and its weight would turn it."""
+    path = TimedPath([0.0, 10.0, 20.0, 30.0], [[0.0, 0.0], [1.0, 0.2], [1.0, 0.2], [2.0, 0.0]])
+    times = [0.0, 5.0, 10.0, 12.0, 15.0, 19.0, 20.0, 30.0]
+    plan = quasistatic_plan(block(), Coulomb(MU, 1e-3), path, TETHER, times=times, ground=Ground(slope=slope))
+    # To what the integration may err by; at a creep it turned by 0.5 mrad and more.
+    assert np.ptp(plan.pose[2:6, 2]) < 1e-8
+    assert not plan.twist[2:6].any()
+
+
 def behind_a_high_anchor(seed):
     """A plan under a rising tether whose load comes to lie before the tracked point, so that balances come and go."""
     rng = np.random.default_rng(seed)

@@ -256,6 +256,8 @@ def follow_in_space(problem: TowProblem, levers: Array, times: Array, heading: f
     jumped: list[float] = []
 
     def rate(time: float, state: Array) -> float:
+        if slowest_tow(problem.drive, time, piece_at(problem.drive.knots, time, 0)) > 0:
+            return 0.0  # At rest: a creep makes so little friction that the weight on a slope would turn the object.
         if rate_at(problem, levers[:2], time, state[0], 1.0, work, out) == _TIPPED:
             raise _tips(time)
         if out[5] != ROOT_FOUND:
