@@ -250,6 +250,18 @@ def test_a_thread_tows_as_a_massless_tether_does(cube, lap):
     assert motion.pose[-1] == pytest.approx(LAP_FINAL_POSE, abs=2e-6)
 
 
+@pytest.mark.parametrize("damping", [0.0, 50.0])
+def test_a_chain_from_a_hinge_straight_above_the_anchor_lifts_nothing(damping):
+    """It pulls in no direction along the floor there, until the hinge goes on."""
+    tether = Tether(0.6, 1000.0, damping, mass_per_length=0.05)
+    hinge = TimedPath([0.0, 10.0], [[0.2, 0.0], [1.2, 0.0]])
+    motion = feedback(towed(), Coulomb(0.35, 1e-3), tether, hinge, (0, 0, 0), [0.0, 10.0], hinge_height=0.3)
+    beside = TimedPath([0.0, 10.0], [[0.2 + 1e-6, 0.0], [1.2, 0.0]])
+    close = feedback(towed(), Coulomb(0.35, 1e-3), tether, beside, (0, 0, 0), [0.0, 10.0], hinge_height=0.3)
+    assert motion.outcome == close.outcome == Outcome.CONVERGED
+    assert motion.pose[-1] == pytest.approx(close.pose[-1], abs=1e-5)
+
+
 def test_a_run_with_a_chain_converges_with_its_tolerance():
     """All effects on, slack at times, sticking and released some times, which multiplies errors."""
     t = np.linspace(0, 20, 201)

@@ -44,6 +44,7 @@ from towval.physics.spatial.unit_wrenches import MOVED, J, S, W, wrench_slopes
 from towval.physics.splines import piece_at, spline_at
 
 _NO_EDGE = 3  # in place of x, y and heading
+_LEAST_DISTANCE = 1e-9  # m; below it a hinge is straight above the anchor, and pulls in no direction along the floor
 
 Span = tuple[float, float, float, float, float, float]
 """From anchor to hinge along the floor, its rate, both as vectors in body axes; their length and the rate of that."""
@@ -61,7 +62,7 @@ def tether_span(problem: TowProblem, time: float, piece: int, y: Array, cos: flo
     lx, ly = cos * dx + sin * dy - n[ANCHOR_X], cos * dy - sin * dx - n[ANCHOR_Y]
     dx, dy = px_dot - y[3], py_dot - y[4]
     rx, ry = cos * dx + sin * dy + y[5] * n[ANCHOR_Y], cos * dy - sin * dx - y[5] * n[ANCHOR_X]
-    distance = math.sqrt(lx * lx + ly * ly)
+    distance = max(math.sqrt(lx * lx + ly * ly), _LEAST_DISTANCE)
     return lx, ly, rx, ry, distance, (lx * rx + ly * ry) / distance
 
 
