@@ -208,6 +208,14 @@ def test_a_picture_that_is_frozen_for_a_while_is_found(frozen, lost):
     assert "stamps_contradicted" in codes(tracks)
 
 
+@pytest.mark.parametrize("moved_s", [0.4, 2.0, 6.0])
+def test_a_film_that_shows_a_rest_but_for_a_short_drive_freezes_nowhere(moved_s):
+    """Of two minutes: at less than a twentieth of it, what a body usually does in a step is nothing."""
+    stamps_s = np.arange(3000) / 25
+    true_s = np.clip(stamps_s - 60, 0, moved_s)
+    assert codes(filmed(true_s, stamps_s)) == []
+
+
 def test_a_rest_that_ends_as_bodies_do_is_none():
     """Rover and object stand for a second and go on: at full speed within a picture, or sliding off at a jerk."""
     still = np.clip(np.arange(250), None, 100) + np.clip(np.arange(250) - 125, 0, None)

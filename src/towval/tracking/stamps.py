@@ -278,7 +278,10 @@ def _leaps(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np.b
             speed = step / np.diff(time_s)
             rested = np.linalg.norm(place[c.beside : -1] - place[: -c.beside - 1], axis=1)
             large = step[c.beside :] > c.least_deviations * std
-            fast = speed[c.beside :] > c.leap * np.percentile(speed, 95)
+            # It goes on as usual after a leap; a body that is at rest for nearly all of a film goes on as it begins.
+            after = np.lib.stride_tricks.sliding_window_view(np.append(speed, np.full(c.beside, np.inf)), c.beside)
+            usual = np.maximum(np.percentile(speed, 95), np.median(after[c.beside + 1 :], axis=1))
+            fast = speed[c.beside :] > c.leap * usual
             moves[seen[c.beside : -1]], size_m[seen[c.beside : -1]] = large, step[c.beside :]
             leap[seen[c.beside : -1]] = large & fast & (rested < c.repeated * step[c.beside :])
             awake[seen[c.beside : -1]] = ~large & (rested > c.creeps * np.sqrt(2) * std)
