@@ -368,6 +368,8 @@ def test_wrong_input_is_named():
         track([(0.0, np.zeros((480, 640), np.uint8))], scene.calibration, scene.bodies, clicks)
     with pytest.raises(InputError, match="holds no picture"):
         track([], scene.calibration, scene.bodies, clicks)
+    with pytest.raises(InputError, match="no body to track"):
+        track(frames, scene.calibration, (), clicks)
     with pytest.raises(InputError, match=r"track\.method names an unknown tracker"):
         TrackSettings(method="magic")
     swapped = {"rover": clicks["object"], "object": clicks["rover"]}

@@ -71,7 +71,8 @@ def track(
     ``clicks_px`` (n, 2) for each body the pixels of ``top_corners_m`` in the first; ``progress`` is called with the
     number of pictures done after each. Poses are those of the body frame on the floor.
 
-    `InputError` where there is no picture, the picture's size is not the calibration's, or clicks are missing.
+    `InputError` where there is no picture or no body, the picture's size is not the calibration's, or clicks are
+    missing.
     """
     return track_beside(frames, calibration, bodies, clicks_px, (settings or TrackSettings(),), progress)[0]
 
@@ -85,6 +86,8 @@ def track_beside(
     progress: Callable[[int], None] | None = None,
 ) -> list[dict[str, Track]]:
     """As :func:`track`, with ``several`` settings in the same pass, which decodes the video once."""
+    if not bodies:
+        raise InputError("there is no body to track", got="none", allowed="one body or more")
     missing = [body.name for body in bodies if body.name not in clicks_px]
     if missing:
         raise InputError(f"first_frame_clicks_px of {', '.join(missing)} is missing", got=sorted(clicks_px))
