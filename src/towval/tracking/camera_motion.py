@@ -14,6 +14,7 @@ from towval.model.findings import finding
 from towval.model.geometry import transform
 from towval.optics.moved_view import moved_view, parameters_by_motion, picture_motion, pose_sensitivity
 from towval.tracking.floor_registration import Hidden, Registered
+from towval.tracking.pose import STD_OF_MEDIAN
 from towval.tracking.template import Luma
 from towval.tracking.watched_floor import CONSTANTS as WATCHED
 from towval.tracking.watched_floor import WatchedFloor
@@ -123,7 +124,7 @@ class CameraMotion:
         self.sure = 0
         self.watch = WatchedFloor(camera, floor, luma, self._outlines(poses))
         self.raw, self.used, self.at_first = np.zeros(_SIZE), np.zeros(_SIZE), np.zeros(_SIZE)
-        self.numbers, self.information, self.registered = array("d"), np.zeros((_SIZE, _SIZE)), 0
+        self.numbers, self.covariance, self.registered = array("d"), np.zeros((_SIZE, _SIZE)), 0
         self.begun = False
 
     @property
@@ -197,7 +198,7 @@ class CameraMotion:
     def _count(self, found: Registered) -> None:
         self.raw = found.motion - self.at_first
         self.registered += 1
-        self.information += (found.covariance - self.information) / self.registered
+        self.covariance += (found.covariance - self.covariance) / self.registered
 
     def _outlines(self, poses: Sequence[Array]) -> tuple[Array, ...]:
         """Outlines (n, 2) on the floor [m] that bodies at ``poses`` (3,) hide."""
@@ -222,10 +223,10 @@ class CameraMotion:
         everywhere = np.ones(len(rows), dtype=bool)
         if self.registered < max(1, CONSTANTS.least_known * (len(rows) - 1)):
             return ViewMotion(self.camera, self.floor, time_s, zero, zero, everywhere, flat, zero, flat)
-        modes: Array = np.asarray(np.linalg.cholesky(self.information), dtype=np.float64)
+        modes: Array = np.asarray(np.linalg.cholesky(self.covariance), dtype=np.float64)
         z: Array = np.asarray(np.linalg.solve(modes, np.where(known[:, None], raw, 0.0).T).T, dtype=np.float64)
         # A picture is as uncertain as its own light and what hides its floor make it; the first is where all begins.
-        noise = rows[known, -1] / self.watch.as_it_is.std_px(self.information)
+        noise = rows[known, -1] / self.watch.as_it_is.std_px(self.covariance)
         slow, common, fast, own = _separated(time_s[known], z[known], np.nan_to_num(noise, nan=1.0))
         seen = (slow + fast) @ modes.T
         motion = np.stack([np.interp(time_s, time_s[known], column) for column in seen.T], axis=1)
@@ -241,7 +242,7 @@ class CameraMotion:
     def findings(self, found: ViewMotion) -> tuple[Finding, ...]:
         """Findings about an estimate."""
         time_s = found.time_s
-        if not self.watched or self.registered < max(1, CONSTANTS.least_known * (len(time_s) - 1)):
+        if self.registered < max(1, CONSTANTS.least_known * (len(time_s) - 1)):
             return (finding("camera_not_watched"),)
         findings = []
         gap_s, at_s = _longest_gap(time_s, found.known)
@@ -267,7 +268,7 @@ def _separated(time_s: Array, z: Array, noise: Array) -> tuple[Array, Array, Arr
     """
     c, n = CONSTANTS, len(z)
     change = np.diff(z, axis=0, prepend=z[:1])
-    usual = np.maximum(1.4826 * np.median(np.abs(change), axis=0), np.sqrt(2))
+    usual = np.maximum(STD_OF_MEDIAN * np.median(np.abs(change), axis=0), np.sqrt(2))
     jumps = np.flatnonzero((np.abs(change) > c.jump * usual).any(axis=1))
     starts = np.concatenate([[0], jumps, [n]])
     segment = np.repeat(np.arange(len(starts) - 1), np.diff(starts))

@@ -8,6 +8,7 @@ blurs on all sides. So the place of two pictures before distinguishes the echo: 
 """
 
 from array import array
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ from towval.model import Array, Finding
 from towval.model.findings import finding
 from towval.tracking.blur import SharpTarget, paths
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.pose import TUKEY
+from towval.tracking.pose import STD_OF_MEDIAN, tukey_weights
 from towval.tracking.stamps import delayed
 from towval.tracking.template import Luma, Template, make_template
 
@@ -43,7 +44,8 @@ class EchoConstants:
 CONSTANTS = EchoConstants()
 
 _NEXT, _PAST = -1, (1, 2)  # pictures back
-_ROUNDS = 4  # of the robust fit
+ROBUST_ROUNDS = 4
+"""Rounds of the fit to a picture, weighted anew in each."""
 _NUMBERS = 7  # Row of one sample: information (2, 2) and vector (2,) of the normal equations, and all weights.
 
 
@@ -95,13 +97,19 @@ class Echoes:
         Over the run, or where it was most in a part of it: cameras reduce noise by as much as they amplify. A focus
         that hunts as wide as ``widest_blur_px`` [px] looks like that in a part, and then only the whole run counts.
         """
-        rows, size = np.array(self.rows).reshape(-1, _NUMBERS), CONSTANTS.least_lessons
-        if len(rows) < size:
-            return 0.0
-        if widest_blur_px > CONSTANTS.sharp_px:
-            return _kept(rows)
-        parts = (rows[i : i + size] for i in range(0, len(rows) - size + 1, size // 2))
-        return max(map(_kept, (rows, rows[-size:], *parts)))
+        rows = np.array(self.rows).reshape(-1, _NUMBERS)
+        return largest_of_parts(rows, _kept, parts=widest_blur_px <= CONSTANTS.sharp_px)
+
+
+def largest_of_parts(rows: Array, found: Callable[[Array], float], *, parts: bool = True) -> float:
+    """What is ``found`` in the rows of a run, or in the part of it where that is largest; zero where they are few."""
+    size = CONSTANTS.least_lessons
+    if len(rows) < size:
+        return 0.0
+    if not parts:
+        return found(rows)
+    some = (rows[i : i + size] for i in range(0, len(rows) - size + 1, size // 2))
+    return max(map(found, (rows, rows[-size:], *some)))
 
 
 def _kept(rows: Array) -> float:
@@ -127,14 +135,14 @@ def _normal(columns: Array, light: Array, tile: NDArray[np.int64]) -> tuple[floa
     columns = columns - gain * (own @ (gain * columns) / np.maximum(own @ gain**2, 1e-9))[tile]
     misfit, others = columns[:, 0], columns[:, 1:]
     weight = np.ones(len(misfit))
-    for _ in range(_ROUNDS):
+    for _ in range(ROBUST_ROUNDS):
         weighed = others.T * weight
         information = weighed @ others
         # Numerical: a direction without texture stays solvable.
         information += np.diag(1e-9 * np.diag(information) + 1e-9)
         left = misfit - others @ np.linalg.solve(information, weighed @ misfit)
-        scale = 1.4826 * float(np.median(np.abs(left))) + 1e-6
-        weight = np.clip(1 - (left / (TUKEY * scale)) ** 2, 0, None) ** 2
+        scale = STD_OF_MEDIAN * float(np.median(np.abs(left))) + 1e-6
+        weight = tukey_weights(left, scale)
     root = np.sqrt(weight)[:, None] / scale
     basis = np.linalg.qr(others[:, :-2] * root)[0]
     free = np.column_stack([others[:, -2:], misfit]) * root

@@ -15,8 +15,9 @@ from towval.model import Array, Finding
 from towval.model.findings import finding
 from towval.tracking.blur import paths
 from towval.tracking.echoes import CONSTANTS as ECHOES
+from towval.tracking.echoes import ROBUST_ROUNDS, largest_of_parts
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.pose import TUKEY
+from towval.tracking.pose import STD_OF_MEDIAN, tukey_weights
 from towval.tracking.stamps import delayed
 from towval.tracking.template import Luma, Template
 
@@ -30,8 +31,6 @@ class FieldConstants:
 
 
 CONSTANTS = FieldConstants()
-
-_ROUNDS = 4  # of the robust fit
 
 
 class Fields:
@@ -61,11 +60,7 @@ class Fields:
 
         Over the run, or in the part of it where it is largest; zero where the fields do not clearly differ.
         """
-        rows, size = np.array(self.rows).reshape(-1, 2), ECHOES.least_lessons
-        if len(rows) < size:
-            return 0.0
-        parts = (rows[i : i + size] for i in range(0, len(rows) - size + 1, size // 2))
-        return max(map(_apart, (rows, rows[-size:], *parts)))
+        return largest_of_parts(np.array(self.rows).reshape(-1, 2), _apart)
 
 
 def _read(field: Luma, u: Array, v: Array) -> Array:
@@ -77,11 +72,11 @@ def _normal(ahead: Array, apart: Array) -> tuple[float, float]:
     """Information on a share of ``ahead`` (n,) in ``apart`` (n,), and that times the share."""
     ahead, apart = ahead - ahead.mean(), apart - np.median(apart)
     weight = np.ones(len(ahead))
-    for _ in range(_ROUNDS):
+    for _ in range(ROBUST_ROUNDS):
         share = np.sum(weight * ahead * apart) / max(np.sum(weight * ahead**2), 1e-9)
         left = apart - share * ahead
-        scale = 1.4826 * float(np.median(np.abs(left))) + 1e-6
-        weight = np.clip(1 - (left / (TUKEY * scale)) ** 2, 0, None) ** 2
+        scale = STD_OF_MEDIAN * float(np.median(np.abs(left))) + 1e-6
+        weight = tukey_weights(left, scale)
     information = float(np.sum(weight * ahead**2)) / scale**2
     return information, information * share
 

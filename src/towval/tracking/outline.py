@@ -168,15 +168,15 @@ def _side_widths(target: PlanarTarget, stretches: Stretches, pose: Array) -> Arr
     pose, T, camera = np.asarray(pose, dtype=np.float64), target.floor.T_camera_floor, target.camera
     planes = plane_to_camera(pose, target.height, T), plane_to_camera(pose, 0.0, T)
     outward_m = stretches.step * stretches.normal
-    widths: Array = side_widths_kernel(stretches.middle, outward_m, planes, camera.matrix, camera.lens)
-    return widths
+    return side_widths_kernel(stretches.middle, outward_m, planes, camera.matrix, camera.lens)
 
 
 def _fit_outline(
     slopes: Array, stretches: Stretches, pixel_m: float, side_px: Array, first_px: float, *, sized: bool = False
 ) -> OutlineFit | None:
     """Move the outline onto the edges; see :func:`observe_outline`. ``sized``: as long and wide as stated."""
-    rows, width = _by_pose_and_size(stretches), np.ptp(stretches.middle, axis=0)
+    rows = by_pose_and_size_kernel(stretches.middle, stretches.normal)
+    width = np.ptp(stretches.middle, axis=0)
     reach = np.linalg.norm(stretches.middle, axis=1).max()
     known = np.array([1, 1, 1 / reach, 0, 0]) * CONSTANTS.prior_px * pixel_m
     known[3:] = (_SIZED if sized else 1.0) * CONSTANTS.length_std_m / width
@@ -198,16 +198,6 @@ def _trust(side_px: Array) -> tuple[Array, NDArray[np.bool_]]:
     """
     thin = (side_px > 0) & (side_px < CONSTANTS.thin_px)
     return np.where(thin, CONSTANTS.trust_in_thin, 1.0), thin
-
-
-def _by_pose_and_size(stretches: Stretches) -> Array:
-    """Change (m, 5) of the stretches' places along their normals with the pose, and with length and width [share].
-
-    A top that was measured a millimetre too wide cannot lie on both of its edges; with the width held, the fit settles
-    on either one.
-    """
-    rows: Array = by_pose_and_size_kernel(stretches.middle, stretches.normal)
-    return rows
 
 
 def observe_outline(
@@ -235,15 +225,8 @@ def observe_outline(
 
 def observe_size(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) -> float | None:
     """Size of the outline in a picture over the stated one, less 1; None where fewer than a third of it is found."""
-    pixel = target.metres_per_pixel(pose)
-    stretches = stretches_of(target.body, pixel)
-    slopes, middle, normal = _edge_slopes(luma, target, stretches, pose), stretches.middle, stretches.normal
-    rows = np.column_stack([_by_pose_and_size(stretches)[:, :3], (middle * normal).sum(axis=1)])
-    trust, _ = _trust(_side_widths(target, stretches, pose))
-    reach = np.linalg.norm(middle, axis=1).max()
-    known = np.array([1, 1, 1 / reach, np.inf]) * CONSTANTS.prior_px * pixel
-    holds, found, *_ = fit_kernel(slopes, stretches.offsets, rows, trust, known, pixel, CONSTANTS.both_px)
-    return float(found[3]) if holds else None
+    found = _fit_freely(luma, target, pose, CONSTANTS.both_px, as_one=True)
+    return None if found is None else float(found[3])
 
 
 def observe_sides(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) -> Array | None:
@@ -252,14 +235,30 @@ def observe_sides(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) ->
     Nothing is taken to be known of them, so other edges may be taken for the top's: its foot, a line beside it. None
     where fewer than a third of the stretches agree, or one of the sides is not found at all.
     """
+    found = _fit_freely(luma, target, pose, CONSTANTS.wide_px, as_one=False)
+    if found is None or not np.isfinite(found).all():
+        return None
+    return np.asarray(found[3:] * np.ptp(target.body.top_corners_m, axis=0))
+
+
+def _fit_freely(
+    luma: NDArray[np.uint8], target: PlanarTarget, pose: Array, first_px: float, *, as_one: bool
+) -> Array | None:
+    """Correction (3,) of a ``pose`` with the size, ``as_one``, or the sizes along and across, less 1: (4,) or (5,).
+
+    None where fewer than a third of the stretches agree.
+    """
     pixel = target.metres_per_pixel(pose)
     stretches = stretches_of(target.body, pixel)
-    slopes, rows = _edge_slopes(luma, target, stretches, pose), _by_pose_and_size(stretches)
+    slopes = _edge_slopes(luma, target, stretches, pose)
+    rows = by_pose_and_size_kernel(stretches.middle, stretches.normal)
+    if as_one:
+        rows = np.column_stack([rows[:, :3], (stretches.middle * stretches.normal).sum(axis=1)])
     trust, _ = _trust(_side_widths(target, stretches, pose))
     reach = np.linalg.norm(stretches.middle, axis=1).max()
-    known = np.array([1, 1, 1 / reach, np.inf, np.inf]) * CONSTANTS.prior_px * pixel
-    holds, found, *_ = fit_kernel(slopes, stretches.offsets, rows, trust, known, pixel, CONSTANTS.wide_px)
-    return found[3:] * np.ptp(target.body.top_corners_m, axis=0) if holds and np.isfinite(found).all() else None
+    known = np.append([1, 1, 1 / reach], np.full(rows.shape[1] - 3, np.inf)) * CONSTANTS.prior_px * pixel
+    holds, found, *_ = fit_kernel(slopes, stretches.offsets, rows, trust, known, pixel, first_px)
+    return found if holds else None
 
 
 def settled(target: PlanarTarget, views: Sequence[View], pose: Array) -> tuple[Array, Array]:
@@ -368,5 +367,4 @@ def _roots(covariances: Array, unit: Array) -> Array:
     scale = np.sqrt(np.diag(unit))
     size, axes = np.linalg.eigh(covariances / np.outer(scale, scale))
     root = (axes * np.sqrt(size)[:, None, :]) @ axes.transpose(0, 2, 1)
-    roots: Array = scale[:, None] * root
-    return roots
+    return np.asarray(scale[:, None] * root)

@@ -7,7 +7,7 @@ from towval.model import Array
 from towval.model.compiling import compiled
 from towval.tracking.equations import inverse_of, product_of, root_of, solved
 from towval.tracking.interpolation import RELAXED, plane_pixels_kernel, spline_value
-from towval.tracking.pose import TUKEY
+from towval.tracking.pose import STD_OF_MEDIAN, TUKEY
 
 _LEAST_SCALE_PX = 0.05  # [px] Of misfits.
 _FITS = 8  # Rounds of the robust fit, in which the search narrows from 2 px to 0.5 px.
@@ -97,7 +97,11 @@ def slopes_kernel(
 
 @compiled()
 def by_pose_and_size_kernel(middle: Array, normal: Array) -> Array:
-    """Change (m, 5) of places (m, 2) along their normals (m, 2) with the pose, and with length and width [share]."""
+    """Change (m, 5) of places (m, 2) along their normals (m, 2) with the pose, and with length and width [share].
+
+    A top that was measured a millimetre too wide cannot lie on both of its edges; with the width held, the fit settles
+    on either one.
+    """
     m = len(middle)
     left, right, lower, upper = np.inf, -np.inf, np.inf, -np.inf
     for i in range(m):
@@ -210,7 +214,9 @@ def fit_kernel(
             return False, found, place, contrast, inner, weight, scale
         # Both of two opposite edges count at first where the size is free: a redescending weight would keep the nearer
         # one and drop the other.
-        scale = max(1.4826 * np.median(np.abs(misfit[seen])), pixel_m * max(_LEAST_SCALE_PX, first_px * 0.7**round_))
+        scale = max(
+            STD_OF_MEDIAN * np.median(np.abs(misfit[seen])), pixel_m * max(_LEAST_SCALE_PX, first_px * 0.7**round_)
+        )
         inner = np.maximum(1 - (misfit / (TUKEY * scale)) ** 2, 0.0)
         weight = trust * contrast * inner**2
         if 3 * (weight > 0).sum() < m:

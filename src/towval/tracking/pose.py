@@ -13,6 +13,7 @@ from towval.model.errors import InputError
 from towval.model.geometry import rigid_fit, rotation, transform
 
 TUKEY = 4.685  # SOURCE: Tukey's biweight at 95 % efficiency for Gaussian noise.
+STD_OF_MEDIAN = 1.4826  # Deviation of a normal variable over the median of its size.
 RAYLEIGH_MEDIAN = 1.1774  # Deviations of one coordinate: the median size of two of them.
 _FITS = 10
 
@@ -72,6 +73,11 @@ class Tracker(Protocol):
         """
 
 
+def tukey_weights(misfit: Array, scale: float) -> Array:
+    """Tukey's biweight (n,) of misfits (n,) whose deviation is ``scale``."""
+    return np.clip(1 - (misfit / (TUKEY * scale)) ** 2, 0, None) ** 2
+
+
 @dataclass(frozen=True)
 class RigidFit:
     """A robust rigid fit: ``pose`` (3,), its ``covariance`` (3, 3), ``weights`` (n,) in [0, 1] and ``rms`` [m]."""
@@ -92,7 +98,7 @@ def robust_rigid_fit(source: Array, target: Array, noise_floor_m: float) -> Rigi
         pose = rigid_fit(source, target, weights)
         misfit = np.linalg.norm(transform(pose, source) - target, axis=1)
         scale = max(float(np.median(misfit)) / RAYLEIGH_MEDIAN, noise_floor_m)
-        weights = np.clip(1 - (misfit / (TUKEY * scale)) ** 2, 0, None) ** 2
+        weights = tukey_weights(misfit, scale)
     freedom = max(1.0, 2 * (weights > 0.1).sum() - 3)
     variance = float(np.sum(weights * misfit**2)) / max(weights.sum(), 1e-9) * (1 + 3 / freedom)
     turned = source @ rotation(pose[2]).T
