@@ -695,7 +695,7 @@ def test_texture_is_steeper_than_four_levels_a_pixel_and_than_twice_the_noise(no
 def test_a_place_is_alike_where_blocks_fit_nine_tenths_as_well(fit, places, monkeypatch):
     fits = np.zeros((81, 81))
     fits[40, 40], fits[40, 60] = 1.0, fit
-    monkeypatch.setattr(floor_registration, "_fit_around", lambda *_: fits)
+    monkeypatch.setattr(floor_registration, "_correlations", lambda *_: (fits, (0, 0)))
     assert len(FloorRegistration(CAMERA, FLOOR, FIRST, ())._places_alike(FIRST)) == places
 
 

@@ -214,9 +214,9 @@ class FloorRegistration:
         fit: Array = np.zeros((2 * reach + 1, 2 * reach + 1))
         count = 0
         for block, at in zip(self.blocks, self.pixels(self.block_places, np.zeros(len(self.prior))), strict=True):
-            one = _fit_around(small, block, (at - 0.5) / 2)
-            if one is not None:
-                fit, count = fit + one, count + 1
+            found = _correlations(small, block, (at - 0.5) / 2)
+            if found is not None and found[0].shape == fit.shape:
+                fit, count = fit + found[0], count + 1
         if count < CONSTANTS.least_blocks:
             return []
         peaks = (fit == cv2.dilate(fit, np.ones((5, 5)))) & (fit > CONSTANTS.alike * fit.max())
@@ -381,20 +381,11 @@ class FloorRegistration:
         return project(*moved_view(self.camera, self.floor, motion), points)
 
 
-def _fit_around(small: Luma, block: Luma, at: Array) -> Array | None:
-    """Correlations of a block with all places within reach of ``at`` (2,); None where the picture ends before."""
-    reach = CONSTANTS.reach_px + CONSTANTS.block_px
-    if not np.isfinite(at).all():
-        return None
-    u, v = np.round(at).astype(int)
-    if min(u, v) < reach or u + reach >= small.shape[1] or v + reach >= small.shape[0]:
-        return None
-    window = small[v - reach : v + reach + 1, u - reach : u + reach + 1]
-    return np.asarray(cv2.matchTemplate(window, block, cv2.TM_CCOEFF_NORMED))
+def _correlations(small: Luma, block: Luma, at: Array) -> tuple[Array, tuple[int, int]] | None:
+    """Correlations of a block with the places within reach of ``at`` (2,) in a halved picture, and the first of these.
 
-
-def _search(small: Luma, block: Luma, at: Array) -> Array | None:
-    """Where a block is in a halved picture near ``at`` (2,); None where nothing looks like it."""
+    As far as the picture goes; None where it hardly goes that far.
+    """
     reach = CONSTANTS.reach_px + CONSTANTS.block_px
     if not np.isfinite(at).all():
         return None
@@ -403,7 +394,15 @@ def _search(small: Luma, block: Luma, at: Array) -> Array | None:
     window = small[top : max(0, v + reach + 1), left : max(0, u + reach + 1)]
     if min(window.shape) <= 2 * CONSTANTS.block_px + 1:
         return None
-    fit = cv2.matchTemplate(window, block, cv2.TM_CCOEFF_NORMED)
+    return np.asarray(cv2.matchTemplate(window, block, cv2.TM_CCOEFF_NORMED)), (left, top)
+
+
+def _search(small: Luma, block: Luma, at: Array) -> Array | None:
+    """Where a block is in a halved picture near ``at`` (2,); None where nothing looks like it."""
+    found = _correlations(small, block, at)
+    if found is None:
+        return None
+    fit, (left, top) = found
     _, best, _, (column, row) = cv2.minMaxLoc(fit)
     if best < CONSTANTS.block_fit:
         return None
