@@ -22,9 +22,9 @@ from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Motion, Tracker, step_between
 from towval.tracking.record import Record
 from towval.tracking.relocalisation import Candidate, Lookalikes, Relocaliser
+from towval.tracking.template import Luma
 from towval.tracking.two_measurements import EdgeWatch, by_size, compared, edges
 
-Luma = NDArray[np.uint8]
 TrackerMaker = Callable[[PlanarTarget, Luma, Array], Tracker]
 
 

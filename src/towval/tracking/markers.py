@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -56,9 +57,6 @@ def clicks_from_tags(luma: NDArray[np.uint8], body: Body, tags: Sequence[Tag], c
 
 def _detect(luma: NDArray[np.uint8], tag: Tag) -> Array | None:
     """Corners (4, 2) of a tag [px], None where it is not found."""
-    # Here, because reading a campaign takes Tag from this module and needs no OpenCV.
-    import cv2  # noqa: PLC0415
-
     constant = getattr(cv2.aruco, f"DICT_{tag.dictionary}", None)
     if constant is None:
         raise InputError("a tag's dictionary is unknown", got=tag.dictionary, allowed="4X4_50, APRILTAG_36h11, …")
