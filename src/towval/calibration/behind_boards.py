@@ -6,7 +6,7 @@ tells another crop from a turn of the camera, which is no fault of a picture: to
 a perspective that the turn alone brings. No lens enters but for the focal length, roughly.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -15,11 +15,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.calibration.blocks import DOUBTS, HELD_DOUBTS
+from towval.calibration.blocks import CAMERA_END, DOUBTS, HELD_DOUBTS
 from towval.calibration.board_search import NamedImage
 from towval.calibration.corners import BoardObservation
 from towval.calibration.observations import CalibrationObservations, first_guess
-from towval.model import CALIBRATION_PARAMETERS, Array, Finding
+from towval.model import Array, Finding
 from towval.model.findings import finding
 
 
@@ -109,11 +109,8 @@ def as_floor_shows(
     flipped = [name for name, crop in seen.items() if crop.flip]
     if flipped:
         behind = "what stands still behind the boards is turned over"
-        return (
-            _undoubted(observed),
-            {},
-            (finding("held-flipped", names=some_of(flipped), flip=seen[flipped[0]].flip, by=behind),),
-        )
+        named = finding("held-flipped", names=some_of(flipped), flip=seen[flipped[0]].flip, by=behind)
+        return _undoubted(observed), {}, (named,)
     known = {name: crop for name, crop in all_crops.items() if crop is not None and not crop.flip}
     known = {
         name: _mean([each for each in known.values() if not each.differs(crop, size)]) for name, crop in known.items()
@@ -126,7 +123,7 @@ def as_floor_shows(
         return kept, {}, ()
     seen = {name: known[name] for name in seen}
     of_held = [Crop()] if not held_differ else list(seen.values())
-    usual = None if _several(of_held, size) else of_held[0]
+    usual = None if any(each.differs(of_held[0], size) for each in of_held) else of_held[0]
     reason = "the floor behind it is not seen, and others have another zoom or crop"
     dropped = {name: reason for name, crop in crops.items() if crop is None and usual is None}
     kept = kept.without(set(dropped))
@@ -154,11 +151,6 @@ def _mean(crops: Sequence[Crop]) -> Crop:
     return Crop("", float(zoom), shift, float(np.median([c.std_px for c in crops])))
 
 
-def _several(crops: Collection[Crop], resolution_px: tuple[int, int]) -> bool:
-    first = next(iter(crops))
-    return any(each.differs(first, resolution_px) for each in crops)
-
-
 def some_of(names: Sequence[str]) -> str:
     """The first of some names, and how many more there are."""
     more = f" and {len(names) - 3} more" if len(names) > 3 else ""
@@ -173,7 +165,7 @@ def _seen_by(board: BoardObservation, crop: Crop | None, resolution_px: tuple[in
 
 def _undoubted(observed: CalibrationObservations) -> CalibrationObservations:
     """The observations with zoom and crop of the held pictures taken as known."""
-    held = np.isin(len(CALIBRATION_PARAMETERS) + np.arange(len(DOUBTS)), HELD_DOUBTS)
+    held = np.isin(CAMERA_END + np.arange(len(DOUBTS)), HELD_DOUBTS)
     return replace(observed, doubts_std=np.where(held, 0.0, observed.doubts_std))
 
 
@@ -244,9 +236,8 @@ def _common_motion(floor: _Features, held: _Features) -> tuple[Array, float] | N
         return None
     moved = cv2.perspectiveTransform(before[:, None], H)[:, 0]
     # Perspective displaces by the square of a place.
-    return np.asarray(H, dtype=np.float64), float(
-        np.sqrt(np.mean((moved - after) ** 2) / len(after)) / np.mean(before**2)
-    )
+    bend_std = np.sqrt(np.mean((moved - after) ** 2) / len(after)) / np.mean(before**2)
+    return np.asarray(H, dtype=np.float64), float(bend_std)
 
 
 def _crop_of(H: Array, bend_std: float, focal_px: float, *, mirrored: bool) -> Crop:

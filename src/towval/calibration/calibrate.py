@@ -302,9 +302,11 @@ def _reprojection_rms_px(calibration: Calibration) -> float:
 
 def _dropped_findings(calibration: Calibration, repeats: Mapping[str, str]) -> list[Finding]:
     """Findings about views that are left out, those that repeat another one in a single one."""
-    severity = {True: Severity.WARNING, False: Severity.NOTE}
-    dropped = [view for view in calibration.views if view.dropped and view.name not in repeats]
-    found = [finding("view-dropped", severity[len(v.corners_px) > 0], name=v.name, reason=v.dropped) for v in dropped]
+    found = []
+    for view in calibration.views:
+        if view.dropped and view.name not in repeats:
+            severity = Severity.WARNING if len(view.corners_px) else Severity.NOTE
+            found.append(finding("view-dropped", severity, name=view.name, reason=view.dropped))
     if repeats:
         found.append(finding("views-repeated", names=some_of(list(repeats)), count=len(repeats)))
     return found

@@ -11,19 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from towval.calibration.blocks import BOARD_DOUBTS, DOUBTS, HELD_DOUBTS, Estimate
+from towval.calibration.blocks import BOARD_DOUBTS, CAMERA_END, DOUBTS, HELD_DOUBTS, Estimate
 from towval.calibration.bundle_adjustment import adjust, whitened
 from towval.calibration.lens import LensTrial, active_parameters, choose_lens, try_lenses
 from towval.calibration.observations import CalibrationObservations
 from towval.calibration.view_covariance import view_covariance
-from towval.model import CALIBRATION_PARAMETERS, Array, Board, Finding, FloorReference
+from towval.model import Array, Board, Finding, FloorReference
 from towval.model.findings import finding
 
 Doubts = NDArray[np.intp]
 """Some of :data:`towval.calibration.blocks.DOUBTS`, as indices of parameters."""
 
-_CAMERA = len(CALIBRATION_PARAMETERS)
-_SIZE, _THICKNESS = _CAMERA + DOUBTS.index("size"), _CAMERA + DOUBTS.index("thickness")
+_SIZE, _THICKNESS = CAMERA_END + DOUBTS.index("size"), CAMERA_END + DOUBTS.index("thickness")
 
 
 @dataclass(frozen=True)
@@ -94,12 +93,12 @@ def settle(observed: CalibrationObservations, start: Estimate, models: Sequence[
     wrong = _contradicted(observed, choose_lens(trials), choose_lens(beside).model)
     if len(wrong):
         doubts = np.union1d(doubts, wrong)
-        loose = np.isin(_CAMERA + np.arange(len(DOUBTS)), wrong)
+        loose = np.isin(CAMERA_END + np.arange(len(DOUBTS)), wrong)
         again = replace(trials[-1].estimate, doubts_std=np.where(loose, CONSTANTS.loose_std, observed.doubts_std))
         trials = try_lenses(observed.blocks, again, models, folds, doubts)
     chosen = choose_lens(trials)
     fit = _fit(observed, chosen.estimate, chosen.model, doubts)
-    covariance, camera = np.zeros((_CAMERA,) * 2), fit.active[fit.active < _CAMERA]
+    covariance, camera = np.zeros((CAMERA_END,) * 2), fit.active[fit.active < CAMERA_END]
     covariance[np.ix_(camera, camera)] = fit.covariance[: len(camera), : len(camera)]
     value, std, bow_m = _fitted(fit)
     quality = {
@@ -119,7 +118,7 @@ def without_prejudice(observed: CalibrationObservations, estimate: Estimate, mod
 
 def _open(observed: CalibrationObservations, doubts: Doubts) -> Doubts:
     """Those of the doubts that have a deviation, and pictures that could tell."""
-    free = observed.doubts_std[doubts - _CAMERA] > 0
+    free = observed.doubts_std[doubts - CAMERA_END] > 0
     if observed.reference is None or not observed.boards:
         free &= ~np.isin(doubts, HELD_DOUBTS)
     return doubts[free]
@@ -143,7 +142,7 @@ def _contradiction(
     """Whether the views contradict what is stated of a group, the rest being as stated, and by how many deviations."""
     if not len(group):
         return False, 0.0
-    board, own = _open(observed, BOARD_DOUBTS), np.isin(_CAMERA + np.arange(len(DOUBTS)), group)
+    board, own = _open(observed, BOARD_DOUBTS), np.isin(CAMERA_END + np.arange(len(DOUBTS)), group)
     start = replace(trial.estimate, doubts_std=np.where(own, CONSTANTS.loose_std, observed.doubts_std))
     fit = _fit(observed, start, model, np.union1d(group, board))
     value, stated = fit.estimate.doubts[own], np.where(np.isin(group, board), observed.doubts_std[own], 0.0)
@@ -167,8 +166,8 @@ def _squares(observed: CalibrationObservations, fit: _Fit, noise_px: float) -> f
 def _fitted(fit: _Fit) -> tuple[Array, Array, float]:
     """The doubts (8,) as fitted, their deviations (8,), zero where not fitted, and the bow over all directions [m]."""
     value, std = fit.estimate.doubts, np.zeros(len(DOUBTS))
-    fitted = fit.active[fit.active >= _CAMERA]
-    std[fitted - _CAMERA] = np.sqrt(np.diag(fit.variance(fitted)))
+    fitted = fit.active[fit.active >= CAMERA_END]
+    std[fitted - CAMERA_END] = np.sqrt(np.diag(fit.variance(fitted)))
     x, y, twist = value[1:4]
     return value, std, float(np.abs(np.linalg.eigvalsh([[x, twist / 2], [twist / 2, y]])).max())
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.calibration.blocks import Block, Estimate, Placement, residuals
+from towval.calibration.blocks import CAMERA_END, FLOOR_START, LENS_START, Block, Estimate, Placement, residuals
 from towval.calibration.bundle_adjustment import adjust, marginal_covariance
 from towval.model import Array
 from towval.model.camera import is_fisheye
@@ -80,8 +80,8 @@ class LensTrial:
 
 def active_parameters(model: str, with_floor: bool) -> NDArray[np.intp]:
     """Indices of the shared parameters that a lens model fits, those of the floor among them where there is one."""
-    floor = range(12, 18) if with_floor else ()
-    return np.array([0, 1, 2, 3, *LENS_MODELS[model], *floor])
+    floor = range(FLOOR_START, CAMERA_END) if with_floor else ()
+    return np.array([*range(LENS_START), *LENS_MODELS[model], *floor])
 
 
 def try_lens(
@@ -133,7 +133,7 @@ def try_lenses(
 def _as_model(estimate: Estimate, model: str) -> Estimate:
     """An estimate without the coefficients that a lens model does not have."""
     shared = estimate.shared.copy()
-    shared[[i for i in range(4, 12) if i not in LENS_MODELS[model]]] = 0.0
+    shared[[i for i in range(LENS_START, FLOOR_START) if i not in LENS_MODELS[model]]] = 0.0
     return replace(estimate, shared=shared)
 
 

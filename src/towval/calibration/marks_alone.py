@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from towval.calibration.adequacy import floor_quality
-from towval.calibration.blocks import Block, Estimate, Placement, residuals
+from towval.calibration.blocks import CAMERA_END, LENS_START, Block, Estimate, Placement, residuals
 from towval.calibration.bundle_adjustment import adjust, marginal_covariance
 from towval.calibration.lens import LensTrial, active_parameters, choose_lens, families, may_be_fisheye
 from towval.calibration.observations import MARKS_VIEW, CalibrationObservations, with_floor
@@ -75,8 +75,8 @@ def _trials(resolution_px: tuple[int, int], reference: FloorReference, models: S
     if not models:
         return []
     width, height = resolution_px
-    start = np.zeros(18)
-    start[:4] = width, width, (width - 1) / 2, (height - 1) / 2
+    start = np.zeros(CAMERA_END)
+    start[:LENS_START] = width, width, (width - 1) / 2, (height - 1) / 2
     observed = CalibrationObservations(resolution_px, (), (), reference)
     camera = Estimate(start, (np.zeros(0),), noise_px=1.0, fisheye=is_fisheye(models[0]))
     first = with_floor(observed, camera, ())

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 
-from towval.calibration.blocks import DOUBTS, Block, Estimate, Placement, residuals
+from towval.calibration.blocks import CAMERA_END, DOUBTS, FLOOR_START, Block, Estimate, Placement, residuals
 from towval.calibration.corners import BoardObservation, facing_camera
 from towval.calibration.floor import floor_from_boards, place_of_pose, place_on_floor, pose_of_plane
 from towval.model import Array, FloorReference
@@ -92,7 +92,7 @@ def first_guess(observed: CalibrationObservations, *, fisheye: bool = False) -> 
     guess = cv2.initCameraMatrix2D(points, pixels, observed.resolution_px, 1.0)[0, 0]
     # Boards without tilt have no vanishing points: the guess may then be anything.
     focal = guess if np.isfinite(guess) and 0.2 * width < guess < 10 * width else float(width)
-    shared = np.zeros(18)
+    shared = np.zeros(CAMERA_END)
     shared[2:4] = (width - 1) / 2, (height - 1) / 2
     cameras = []
     for length in (focal, *(share * max(width, height) for share in _FOCAL_SHARES)):
@@ -139,7 +139,7 @@ def with_floor(observed: CalibrationObservations, estimate: Estimate, flat: Sequ
     if observed.marks >= 4:
         _check_marks(reference)
         marks = lifted(reference.marks_m, 0.0)
-        shared[12:] = pose_of_plane(marks, reference.marks_px, estimate)[0]
+        shared[FLOOR_START:] = pose_of_plane(marks, reference.marks_px, estimate)[0]
         return replace(estimate, shared=shared)
     if not flat:
         raise InputError(
@@ -147,7 +147,7 @@ def with_floor(observed: CalibrationObservations, estimate: Estimate, flat: Sequ
             got=f"{observed.marks} surveyed marks and no board on the floor",
             allowed="four marks or more, or a board lying on the floor",
         )
-    shared[12:] = floor_from_boards(flat[0], flat, reference.board_thickness_m)
+    shared[FLOOR_START:] = floor_from_boards(flat[0], flat, reference.board_thickness_m)
     estimate = replace(estimate, shared=shared)
     return _turned_to_marks(reference, estimate) if observed.marks else estimate
 
@@ -186,7 +186,7 @@ def _turned_to_marks(reference: FloorReference, estimate: Estimate) -> Estimate:
     turn[:2, 3] = x, y
     T = estimate.T_camera_floor @ turn
     shared = estimate.shared.copy()
-    shared[12:] = np.concatenate([cv2.Rodrigues(T[:3, :3])[0].ravel(), T[:3, 3]])
+    shared[FLOOR_START:] = np.concatenate([cv2.Rodrigues(T[:3, :3])[0].ravel(), T[:3, 3]])
     return replace(estimate, shared=shared)
 
 

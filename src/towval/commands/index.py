@@ -8,7 +8,8 @@ from towval.io.atomic import check_own, check_plain
 from towval.io.results_index import INDEX_MARK, UNFINISHED, ResultsIndex, read_results, write_index
 from towval.model import Verdict
 from towval.model.errors import InputError, TowvalError
-from towval.report.index_page import PAGE_MARK, write_index_page
+from towval.report.index_page import write_index_page
+from towval.report.templating import PAGE_MARK
 
 
 def run(results: Sequence[Path], output: Path, fail_on: Sequence[str] = ()) -> Outcome:

@@ -9,7 +9,7 @@ import pandas as pd
 from towval.io.atomic import write_text
 from towval.io.results_index import UNFINISHED, ResultsIndex
 from towval.report.inline import script_json
-from towval.report.templating import template_asset, template_environment
+from towval.report.templating import PAGE_MARK, template_asset, template_environment
 
 _NUMBERS = {
     "path_rms_m": 1e3,
@@ -24,9 +24,6 @@ _NUMBERS = {
     "wall_s": 1,
 }
 """Numeric columns of the page and their factors: to millimetres, degrees and percent."""
-
-PAGE_MARK = "Content-Security-Policy"
-"""What a page that may be replaced says near its beginning."""
 
 _WORDS = ("source", "campaign", "run", "state", "verdict", "version", "main_input")
 _KEY = ["source", "campaign", "run"]

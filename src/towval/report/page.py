@@ -7,7 +7,7 @@ from towval.model.errors import InputError
 from towval.report import view
 from towval.report.data import ReportData
 from towval.report.drawing import draw_figures
-from towval.report.templating import template_asset, template_environment
+from towval.report.templating import PAGE_MARK, template_asset, template_environment
 
 
 def write_report(
@@ -26,7 +26,7 @@ def write_report(
     text = template.render(
         view=view.build(data, drawn, path), css=template_asset("report.css"), script=template_asset("report.js")
     )
-    write_text(path, text, own="Content-Security-Policy")
+    write_text(path, text, own=PAGE_MARK)
     return path
 
 

@@ -8,6 +8,9 @@ from markupsafe import Markup, escape
 
 from towval.model.findings import FINDINGS
 
+PAGE_MARK = "Content-Security-Policy"
+"""What a page that may be replaced says near its beginning."""
+
 _CODE = re.compile(r"\b[a-z]+(?:_[a-z]+)+\b")
 _UNCERTAINTY = re.compile(r"\bu_(num|input|D|val)\b")
 
