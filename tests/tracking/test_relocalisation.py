@@ -6,6 +6,7 @@ import pytest
 from studies.worlds.scenes import CeilingCamera, ceiling, drive, small_camera, standard_scene
 from towval.model import Body
 from towval.model.geometry import transform, wrapped
+from towval.optics.moved_view import moved_view
 from towval.tracking import relocalisation
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.relocalisation import Lookalikes, Relocaliser
@@ -22,6 +23,17 @@ def test_a_body_is_found_wherever_it_went():
         # Good enough to start an alignment from: two pixels of 4.7 mm, and of 1 % of the body's half length in heading.
         assert np.linalg.norm(found[:2] - motion(time_s)[:2]) < 9e-3
         assert np.sin(found[2] - motion(time_s)[2]) == pytest.approx(0.0, abs=0.02)
+
+
+def test_a_body_is_found_after_the_camera_was_moved():
+    """By 40 pixels, from one search to the next."""
+    scene = standard_scene(31, **small_camera())
+    film, motion, target = CeilingCamera(scene), scene.motions[0], scene.target(0)
+    finder = Relocaliser(target, film.picture(0.0), motion(0.0))
+    assert finder.find(film.picture(2.0)) is not None
+    target.camera, target.floor = moved_view(target.camera, target.floor, np.append(np.zeros(7), [40.0, 0.0]))
+    found = finder.find(np.roll(film.picture(8.0), 40, axis=1))
+    assert np.linalg.norm(found[:2] - motion(8.0)[:2]) < 9e-3
 
 
 def test_tiles_hold_the_features_of_the_whole_picture(monkeypatch):

@@ -967,7 +967,7 @@ def finds(places_m, seen_m):
     """Whether a body is found by features at places of it [m] that a picture shows at others [m]."""
     finder = Relocaliser(BOX, picture(BOX), POSE)
     own = 200 * np.eye(len(places_m), 128, dtype=np.float32)
-    finder._keyframe, finder._rectified = (places_m, own), (np.zeros(2), None)
+    finder._keyframe, finder._kept = (places_m, own), (finder.target.floor, np.zeros(2), None)
     finder._features = lambda *_: (seen_m / finder.cell_m, own)
     return finder.find(None) is not None
 

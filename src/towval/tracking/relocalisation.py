@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.model import Array, Camera
+from towval.model import Array, Camera, Floor
 from towval.model.geometry import transform, wrapped
 from towval.tracking.planar_target import PlanarTarget, usable_points
 from towval.tracking.template import Floats, Luma, shrunk
@@ -64,6 +64,7 @@ class Relocaliser:
         self.corner_m = corners.min(axis=0)
         self.own = _grid(self.corner_m, corners.max(axis=0), self.cell_m)
         self.view = _resampled(luma, target.picture_of(transform(pose, self.own)))
+        self._kept: tuple[Floor, Array, Floats] | None = None
 
     @cached_property
     def _keyframe(self) -> tuple[Array, Floats | None]:
@@ -73,14 +74,17 @@ class Relocaliser:
         places_m: Array = self.corner_m + self.cell_m * np.array([p.pt for p in points]).reshape(-1, 2)
         return places_m, None if descriptors is None else np.asarray(descriptors, dtype=np.float32)
 
-    @cached_property
+    @property
     def _rectified(self) -> tuple[Array, Floats]:
-        """Corner of the visible part of the plane [m], and the pixel of each of its cells; made when first needed."""
-        low, high = visible_part(self.target, CONSTANTS.most_cells * self.cell_m)
-        x, y = _axes(low, high, self.cell_m)
-        # Some rows at a time: all cells in float64 would be the largest thing in memory.
-        rows = (np.stack(np.meshgrid(x, y[i : i + _ROWS]), axis=-1) for i in range(0, len(y), _ROWS))
-        return low, np.concatenate([self.target.picture_of(each).astype(np.float32) for each in rows])
+        """Corner of the visible part of the plane [m], and the pixel of each of its cells; anew if the camera moved."""
+        if self._kept is None or self._kept[0] is not self.target.floor:
+            low, high = visible_part(self.target, CONSTANTS.most_cells * self.cell_m)
+            x, y = _axes(low, high, self.cell_m)
+            # Some rows at a time: all cells in float64 would be the largest thing in memory.
+            rows = (np.stack(np.meshgrid(x, y[i : i + _ROWS]), axis=-1) for i in range(0, len(y), _ROWS))
+            pixels = np.concatenate([self.target.picture_of(each).astype(np.float32) for each in rows])
+            self._kept = self.target.floor, low, pixels
+        return self._kept[1:]
 
     def _features(self, luma: Luma, pixels: Floats) -> tuple[Array, Floats]:
         """Cells (m, 2) of the strongest features of the rectified picture, and their descriptors; tile by tile."""
