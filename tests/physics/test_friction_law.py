@@ -110,3 +110,10 @@ def test_a_law_that_rises_or_falls_over_no_speed_is_an_input_error(speeds):
 def test_a_specification_that_is_no_number_is_an_input_error():
     with pytest.raises(InputError, match="friction law is of the wrong type"):
         fit_makkar("a", 0.3, 0.1, 0.2)
+
+
+@pytest.mark.parametrize("law", [Coulomb(0.35, 1e-3), risen_law(0.4, 0.35, 1e-5, 0.01)])
+def test_a_speed_that_is_no_number_is_an_input_error(law):
+    for of_speed in (law.coefficient, law.slope):
+        with pytest.raises(InputError, match="speed is no array of numbers"):
+            of_speed("fast")

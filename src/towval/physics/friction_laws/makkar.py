@@ -72,7 +72,7 @@ class Makkar(FrictionLaw):
 
     def slope(self, speed: ArrayLike) -> Array:
         """dμ/dv [s/m]."""
-        v = np.asarray(speed, dtype=np.float64)
+        v = numbers_of(speed, "speed")
         t2, t3, t5 = np.tanh(self.gamma2 * v), np.tanh(self.gamma3 * v), np.tanh(self.gamma5 * v)
         stribeck = self.gamma1 * (self.gamma2 * (1 - t2 * t2) - self.gamma3 * (1 - t3 * t3))
         return stribeck + self.gamma4 * self.gamma5 * (1 - t5 * t5) + self.gamma6
