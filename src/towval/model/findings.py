@@ -211,9 +211,8 @@ register(  # calibrate
     FindingType(
         "pictures-tagged", "calibrate", NOTE, NONE,
         "{count} of {pictures} pictures ({first} the first of them) carry a tag for orientation (EXIF), by which "
-        "viewers turn them. They are used as they are stored, as the sensor saw them. Pixels in campaign.yaml (of the "
-        "floor's origin and axis, of surveyed marks) count as stored, too: see check/start.html, or take them from a "
-        "viewer that leaves the tag aside.",
+        "viewers turn them. They are used as stored. Pixels in campaign.yaml (of the floor's origin and axis, of marks) "
+        "count as stored, too: see check/start.html, or take them from a viewer that leaves the tag aside.",
     ),
     FindingType(
         "marks-alone", "calibrate", WARNING, NONE,
