@@ -140,14 +140,14 @@ def _presets() -> Values:
 
 
 def _misread(found: Beside) -> Beside:
-    return replace(found, chosen=tuple(replace(choice, chosen=choice.next) for choice in found.chosen))
+    return replace(found, chosen=tuple(replace(choice, chosen=choice.measure) for choice in found.chosen))
 
 
 PRESETS = Check(
     _presets,
     {
         "presets auto, draft and draft in place of draft, auto and fine; the tether is 5 cm too long; a path is a "
-        "picture late; a tenth of the measurement's deviation is allowed; what auto rejected is read as chosen": both(
+        "picture late; a tenth of the measurement's deviation is allowed; what was chosen is read from another column": both(
             replaced(presets_auto, "PRESETS", lambda _: ("auto", "draft", "draft")),
             replaced(presets_auto, "beside", result_of(_misread)),
             lab.stating(rest_length_m="0.65"),
