@@ -147,7 +147,8 @@ PRESETS = Check(
     _presets,
     {
         "presets auto, draft and draft in place of draft, auto and fine; the tether is 5 cm too long; a path is a "
-        "picture late; a tenth of the measurement's deviation is allowed; what was chosen is read from another column": both(
+        "picture late; a tenth of the measurement's deviation is allowed; what was chosen is read from another "
+        "column": both(
             replaced(presets_auto, "PRESETS", lambda _: ("auto", "draft", "draft")),
             replaced(presets_auto, "beside", result_of(_misread)),
             lab.stating(rest_length_m="0.65"),
