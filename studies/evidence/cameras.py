@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,14 +12,12 @@ from typing import Any
 import numpy as np
 
 from studies.camera_faults.faults import FAULTS, Fault
-from studies.camera_faults.tows import filmed_tow
 from studies.camera_faults.trial import Footage, Result, tried
 from studies.evidence.ledger import Check, Values
 from studies.evidence.planting import both, replaced, result_of
-from studies.tables.camera_faults import ORDER, filmed, rows
+from studies.tables.camera_faults import filmed
 from towval.commands import simulate, track
 from towval.model import Track
-from towval.model.errors import RefusedError
 from towval.tracking import alignment, follow
 from towval.tracking import track as tracking
 from towval.tracking.blur import Shutter
@@ -165,33 +161,3 @@ CAMERA_VERDICTS = Check(
         "the faults are left out": _LEFT_OUT,
     },
 )
-
-
-def _cells(
-    sources: Iterable[AbstractContextManager[tuple[Footage, Path]]], strengths: Sequence[int]
-) -> Iterator[dict[str, Any]]:
-    """The cells of a map of poses, of all faults."""
-    for source in sources:
-        with source as (film, camera):
-            yield from rows(film, camera, FAULTS, strengths, judged=False)
-
-
-def _ends(cells: Iterable[dict[str, Any]]) -> Values:
-    """How many cells ended how, and the faults of those that are silently wrong."""
-    ended = Counter((cell["poses"], cell["fault"]) for cell in cells)
-    found: dict[str, float | str] = {
-        outcome: float(sum(n for (end, _), n in ended.items() if end == outcome)) for outcome in ORDER
-    }
-    silent = sorted((fault, n) for (end, fault), n in ended.items() if end == ORDER[-1])
-    return found | {"faults that are silently wrong": ", ".join(f"{fault} {n}" for fault, n in silent)}
-
-
-def _refusing(*_given: Any, **_keys: Any) -> None:
-    raise RefusedError("refused", remedy="none")
-
-
-_REFUSED = {"the tracker refuses every film": replaced(track, "run", lambda _: _refusing)}
-
-CAMERA_MAP = Check(lambda: _ends(_cells([filmed(f"{_CAMPAIGN}:{_OTHER}:{_SECONDS:g}")], (0, 1, 2))), _REFUSED)
-
-CAMERA_TOWS = Check(lambda: _ends(_cells(map(filmed_tow, range(7700, 7705)), (1,))), _REFUSED)
