@@ -94,3 +94,14 @@ def test_a_tether_whose_weight_pulls_is_left_out():
     """A chain of half the object's weight draws it along while it sags."""
     heavy = replace(SCENE.tether, mass_per_length=0.5 * SCENE.mass / SCENE.tether.rest_length)
     assert moved_while_slack(replace(SCENE, tether=heavy), *pushed(0.1), TIMES) == []
+
+
+def test_a_high_tow_whose_heights_are_not_stated_is_told_to_state_them():
+    """Seen from above its taut tether is short: the run was said to be moved by something else, or a length wrong."""
+    rest, rise = SCENE.tether.rest_length, 0.25
+    ahead = ramp(1.0, 8.0, 0.7)
+    nearer = rest - np.sqrt(rest**2 - rise**2)
+    tracks = on_a_line("rover", ahead), on_a_line("object", BEHIND_M + nearer + ahead, seed=2)
+    (found,) = moved_while_slack(SCENE, *tracks, TIMES)
+    assert "state the heights of both" in found.text
+    assert moved_while_slack(replace(SCENE, hinge_height=rise), *tracks, TIMES) == []

@@ -46,7 +46,8 @@ register(  # simulate; the last six are those of towval.physics
         "moved_while_slack", "simulate", WARNING, NOT_JUDGED,
         "Between {first_s:.1f} s and {last_s:.1f} s the object moved by {moved_mm:.0f} mm, farther than it coasts, "
         "while its tether was slack ({length_m:.3f} m of {rest_m:.3f} m): something else moved it. See on the video "
-        "what touched it: the rover, a hand, a cable. If nothing did, check tether.rest_length_m, hinge and anchor.",
+        "what touched it: the rover, a hand, a cable. If nothing did, check tether.rest_length_m, hinge and anchor, "
+        "and state the heights of both: a tether that rises is longer than it looks from above.",
     ),
     FindingType(
         "tether_across", "simulate", NOTE_OR_WARNING, NOT_JUDGED,
