@@ -17,6 +17,7 @@ from towval.io.provenance import file_hash
 from towval.io.records import read_simulated
 from towval.io.ros import stamped_pose, stamped_vector, typestore
 from towval.model.errors import InputError, RefusedError
+from towval.validation.recorded_tow import standing
 
 SAMPLE = Path(__file__).parents[2] / "data_samples" / "lab_small"
 
@@ -213,3 +214,62 @@ def test_a_decimated_track_cannot_tow(tmp_path):
     write_mcap(file, [], {}, {"stage": "decimate"})
     with pytest.raises(InputError, match=r"decimated track(.|\n)*track\.mcap"):
         run_tow(quick_plan(), file, tmp_path / "t.mcap")
+
+
+def driven(file, until_s, heading=0.0):
+    """A rover of the sample campaign that drives 0.5 m between 1 and 6 s, its object with a heading 0.6 m behind.
+
+    Its poses are a tenth of a millimetre off.
+    """
+    times, rng = np.arange(round(25 * until_s)) / 25, np.random.default_rng(3)
+    share = np.clip((times - 1) / 5, 0, 1)
+    rover = np.outer(0.42 + 0.5 * share**2 * (3 - 2 * share), [1, 0, 0])
+    rover += 1e-4 * rng.standard_normal(rover.shape) * [1, 1, 0]
+    towed = np.array([-0.6 - 0.25 * np.cos(heading), -0.25 * np.sin(heading), heading])
+    messages = [
+        Message(topic, round(1e9 * t), stamped_pose(t, pose))
+        for topic, rows in {"/rover/pose": rover, "/object/pose": towed[None]}.items()
+        for t, pose in zip(times, rows, strict=False)
+    ]
+    write_mcap(file, messages, {}, {})
+    return file
+
+
+def test_a_recorded_tow_sticks_while_its_rover_stands_as_a_simulated_run_does(tmp_path):
+    """On the tether's pull the object crept after a parked rover by 16 mm, "converged" and without a word."""
+    towed = tmp_path / "t.mcap"
+    outcome = run_tow(quick_plan(), driven(tmp_path / "a.mcap", until_s=60), towed, campaign=SAMPLE)
+    motion = read_simulated(towed)
+    parked = motion.pose[motion.time_s > 8.0]
+    assert outcome.numbers["outcome"] == "converged"
+    assert motion.sticking
+    assert outcome.numbers["path_length_m"] > 0.4
+    assert np.ptp(parked, axis=0).max() < 1e-6
+
+
+def test_a_plan_that_never_stands_is_towed_as_it_was_planned(tmp_path):
+    plan, towed = tmp_path / "plan.mcap", tmp_path / "towed.mcap"
+    run(quick_plan(), "line", plan, tmp_path / "plan.csv")
+    run_tow(quick_plan(), plan, towed)
+    assert not read_simulated(towed).sticking
+
+
+def test_noise_of_poses_is_no_motion_of_a_rover_that_stands():
+    """From one pose to the next the noise is thirty times as fast as what counts as standing."""
+    times = np.arange(0, 20, 0.04)
+    x = 0.1 * np.clip(times - 5, 0, 5)
+    noise = 3e-4 * np.random.default_rng(1).standard_normal((len(times), 2))
+    found = standing(times, np.column_stack([x, 0 * x]) + noise)
+    assert np.mean(found[(times < 4.5) | (times > 10.5)]) > 0.8
+    assert not found[(times > 5.2) & (times < 9.8)].any()
+    assert not standing(times[:5], noise[:5]).any()
+
+
+def test_a_tow_through_the_object_is_reported(tmp_path):
+    """The stage simulate leaves such a run unjudged; the command said nothing."""
+    found = {}
+    for heading in (0.0, 3.0):
+        file = driven(tmp_path / f"{heading}.mcap", 6, heading)
+        found[heading] = run_tow(quick_plan(), file, tmp_path / "t.mcap", campaign=SAMPLE).findings
+    assert "tether_across" not in {each.code for each in found[0.0]}
+    assert "tether_across" in {each.code for each in found[3.0]}

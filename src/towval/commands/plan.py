@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from towval.commands.console import Outcome
 from towval.io.atomic import check_own, check_plain, write_text
-from towval.io.campaign import load_campaign
+from towval.io.campaign import Campaign, load_campaign
 from towval.io.mcap_file import read_provenance
 from towval.io.plan_files import check_table, read_path, read_tow, write_plan_csv, write_plan_mcap
 from towval.io.provenance import provenance
@@ -24,10 +24,11 @@ from towval.model.geometry import path_length
 from towval.physics.mass import towed_object
 from towval.physics.quasistatic import quasistatic_plan
 from towval.planning.paths import Curve, through_points, timed
-from towval.planning.plan import close_loop, hinge_of_poses, tow
+from towval.planning.plan import close_loop, hinge_of_poses
 from towval.planning.planner import PlanCase, PlanOutcome
 from towval.planning.scene import PlanScene, friction_under, plan_scene
-from towval.validation.recorded_tow import gap_findings, start_at_rest
+from towval.validation.across import tether_across
+from towval.validation.recorded_tow import gap_findings, recorded_tow, start_at_rest
 
 _PAPER = Path("paper")
 """Stands for the scene that comes with the package, whose path nobody knows after ``pip install``."""
@@ -73,7 +74,8 @@ def run(
     if loop.rover.outcome is not PlanOutcome.ARRIVED:
         raise RefusedError(f"the rover does not arrive: {loop.rover.outcome}", remedy=loop.rover.advice)
     inputs = {} if wanted in given.curves else {Path(wanted).name: Path(wanted)}
-    write_plan_mcap(output, loop.rover, loop.towed, provenance("plan", document, inputs, document=lab))
+    lab_document = lab.document if lab else None
+    write_plan_mcap(output, loop.rover, loop.towed, provenance("plan", document, inputs, document=lab_document))
     write_plan_csv(csv, loop.rover, loop.towed)
     limited = loop.rover.case != PlanCase.A
     off = {"object_rms_mm": 1e3 * loop.object_rms, "hinge_rms_mm": 1e3 * loop.rover.rms}
@@ -141,19 +143,17 @@ def run_tow(
     _refuse_decimated(recording)
     times, poses, measured = read_tow(recording)
     hinge = hinge_of_poses(poses, given.rover)
-    start, nearer = start_at_rest(
-        given.towed, given.friction, given.tether, given.ground, given.hinge_height, hinge[0], measured
-    )
-    motion = tow(
-        times, hinge, given.towed, friction_under(given), given.tether, start_pose=start, ground=given.ground,
-        hinge_height=given.hinge_height,
-    )  # fmt: skip
-    write_simulated(output, motion, provenance("tow", document, {recording.name: recording}, document=lab))
+    towing = given.towed, given.friction, given.tether, given.ground, given.hinge_height
+    start, nearer = start_at_rest(*towing, hinge[0], measured)
+    motion = recorded_tow(*towing, TimedPath(times, hinge), start)
+    across = tether_across(lab.scene, lab.object, motion) if lab else []
+    lab_document = lab.document if lab else None
+    write_simulated(output, motion, provenance("tow", document, {recording.name: recording}, document=lab_document))
     moved_m = path_length(motion.pose[:, :2])
     text = f"{motion.outcome}; the object moves {moved_m:.2f} m in {np.ptp(times):.1f} s"
     files = (output, *_mapped(map_file, hinge, motion, given))
     numbers = {"outcome": motion.outcome, "path_length_m": moved_m}
-    return Outcome("tow", files, text, numbers, (*nearer, *gap_findings(times, hinge), *motion.findings))
+    return Outcome("tow", files, text, numbers, (*nearer, *gap_findings(times, hinge), *motion.findings, *across))
 
 
 def _refuse_decimated(recording: Path) -> None:
@@ -168,8 +168,8 @@ def _refuse_decimated(recording: Path) -> None:
 
 def _scene(
     scene: Mapping[str, Any] | Path, campaign: Path | None
-) -> tuple[Mapping[str, Any], PlanScene, Mapping[str, Any] | None]:
-    """The scene as its document and as it is used, with what a campaign replaces; and the campaign's document."""
+) -> tuple[Mapping[str, Any], PlanScene, Campaign | None]:
+    """The scene as its document and as it is used, with what a campaign replaces; and the campaign."""
     if scene == _PAPER and not _PAPER.exists():
         scene = Path(str(resources.files("towval").joinpath("workflow", "plan.yaml")))
     document: Any = read_yaml(scene) if isinstance(scene, Path) else scene
@@ -185,7 +185,7 @@ def _scene(
         given, towed=towed_object(lab), friction=lab.friction, tether=lab.tether, rover=rover, ground=lab.ground,
         hinge_height=lab.hinge_height,
     )  # fmt: skip
-    return document, given, loaded.document
+    return document, given, loaded
 
 
 def _wanted(scene: PlanScene, wanted: str) -> TimedPath:

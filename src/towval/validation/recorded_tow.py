@@ -1,15 +1,95 @@
-"""A tow behind a recorded rover: where its object starts, and where the recording leaves its hinge unknown."""
+"""A tow behind a recorded rover: its motion, its start, and where the recording leaves the hinge unknown."""
+
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
-from towval.model import Array, Finding, FrictionSpecification, Ground, Tether, TimedPath, TowedObject
+from towval.model import (
+    Array,
+    Finding,
+    FrictionSpecification,
+    Ground,
+    SimulatedMotion,
+    Sliding,
+    Tether,
+    TimedPath,
+    TowedObject,
+)
 from towval.model.errors import RefusedError
 from towval.model.findings import finding
 from towval.model.geometry import transform
+from towval.model.results import STICKING
+from towval.physics.creep import creep_length
+from towval.physics.dynamics import feedback
+from towval.physics.friction_laws import FittedLaw, fitted_law
+from towval.physics.spatial.tow import Sticking
 from towval.physics.splines import spline_through, spline_values
 from towval.physics.tether import nearest_rest
-from towval.validation.decimate import HIDDEN_M, missed_m
-from towval.validation.simulate import WRONG_SHARE, nearer_findings
+from towval.validation.decimate import HIDDEN_M, DecimateSettings, missed_m
+from towval.validation.scene_model import hold_at_rest, risen_friction
+from towval.validation.simulate import (
+    PARKED_CREEP_M,
+    STANDING_M_PER_S,
+    WRONG_SHARE,
+    hanging_findings,
+    law_findings,
+    nearer_findings,
+)
+
+
+def recorded_tow(
+    towed: TowedObject,
+    friction: FrictionSpecification,
+    tether: Tether,
+    ground: Ground,
+    hinge_height: float,
+    path: TimedPath,
+    start: Array,
+) -> SimulatedMotion:
+    """Motion of the object behind a recorded path of the hinge, from a pose (3,) [m, m, rad] at rest.
+
+    As the stage simulate does by itself, an object below the friction limit stays at rest where it would otherwise
+    creep by more than :data:`towval.validation.simulate.PARKED_CREEP_M` while the rover stands.
+    """
+
+    def motion(law: FittedLaw, sticking: Sticking | None = None) -> SimulatedMotion:
+        sliding = Sliding(law.law, friction.across_over_along, friction.radius_over_planar)
+        return feedback(
+            towed, sliding, tether, path, start, path.time_s, ground=ground, hinge_height=hinge_height,
+            sticking=sticking,
+        )  # fmt: skip
+
+    law = fitted_law(friction)
+    found = motion(law)
+    parked = standing(path.time_s, path.position)[: len(found.time_s)]
+    still = replace(found, twist=np.where(parked[:, None], found.twist, 0.0))
+    if creep_length(still, towed, friction.stiction_velocity) > PARKED_CREEP_M:
+        law = risen_friction(friction)
+        found = motion(law, hold_at_rest(friction))
+        found = replace(found, statistics={**found.statistics, STICKING: 1.0})
+    hanging = hanging_findings(tether, hinge_height, towed.anchor_height, ground, found)
+    return replace(found, findings=(*found.findings, *law_findings(law), *hanging))
+
+
+def standing(times: Array, hinge: Array) -> NDArray[np.bool_]:
+    """Whether a recorded hinge (n, 2) [m] stands at its times (n,) [s].
+
+    Poses are noisy, and from one to the next that is faster than a rover that stands: its place is the mean over a
+    pause of the stage decimate, and its speed that from before a time to after it. At the ends it is the nearest known.
+    """
+    span_s = DecimateSettings().pause_s
+    inner = (times >= times[0] + span_s) & (times <= times[-1] - span_s)
+    if not inner.any():
+        return np.zeros(len(times), dtype=bool)
+    gone = cumulative_trapezoid(hinge, times, axis=0, initial=0)
+    before, at, after = (
+        np.column_stack([np.interp(times[inner] + shift, times, column) for column in gone.T])
+        for shift in (-span_s, 0.0, span_s)
+    )
+    speed = np.hypot(*(after - 2 * at + before).T) / span_s**2
+    return np.asarray(np.interp(times, times[inner], speed) < STANDING_M_PER_S)
 
 
 def gap_findings(times: Array, hinge: Array) -> list[Finding]:

@@ -32,7 +32,7 @@ class SceneModel:
 
     def __init__(self, scene: TowingScene, *, sticking: bool = False):
         self.scene, self.sticking, self.towed = scene, sticking, towed_object(scene)
-        self.law = _risen(scene.friction) if sticking else fitted_law(scene.friction)
+        self.law = risen_friction(scene.friction) if sticking else fitted_law(scene.friction)
 
     @property
     def planar(self) -> bool:
@@ -77,8 +77,12 @@ class SceneModel:
         return Sliding(self.law.law, friction.across_over_along, friction.radius_over_planar)
 
     def _hold(self) -> Sticking | None:
-        friction = self.scene.friction
-        return Sticking(_held(friction), _HOLD * RISE_SHARE * friction.friction_velocity) if self.sticking else None
+        return hold_at_rest(self.scene.friction) if self.sticking else None
+
+
+def hold_at_rest(friction: FrictionSpecification) -> Sticking:
+    """What holds an object that sticks, sliding by :func:`risen_friction`."""
+    return Sticking(_held(friction), _HOLD * RISE_SHARE * friction.friction_velocity)
 
 
 def _held(friction: FrictionSpecification) -> float:
@@ -86,7 +90,7 @@ def _held(friction: FrictionSpecification) -> float:
     return friction.kinetic if friction.law == Coulomb.name else friction.static
 
 
-def _risen(friction: FrictionSpecification) -> FittedLaw:
+def risen_friction(friction: FrictionSpecification) -> FittedLaw:
     """The law of sliding of an object that sticks, of Makkar's form; ``residual``: how far it misses the stated law.
 
     That is the law that campaign.yaml names, from the stiction velocity on; Makkar's own is met by its numbers.

@@ -5,13 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import Array, Body, DecimatedTrack, Finding, Severity, SimulatedMotion, TowingScene
+from towval.model import Array, Body, DecimatedTrack, Finding, Ground, Severity, SimulatedMotion, Tether, TowingScene
 from towval.model.checks import within
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
 from towval.model.results import START_OFF, STICKING, TO_DYNAMICS
 from towval.physics.creep import creep_length
 from towval.physics.dynamics import Outcome
+from towval.physics.friction_laws import FittedLaw
 from towval.physics.ladder import DYNAMICS, RUNGS, LadderChoice, lowest_rung, path_difference, rung_names
 from towval.physics.splines import spline_values
 from towval.physics.tether import lowest_point
@@ -21,10 +22,12 @@ from towval.validation.hinge_trajectory import hinge_trajectory
 from towval.validation.scene_model import SceneModel
 from towval.validation.slack import moved_while_slack
 
-_PARKED_CREEP_M = 5e-3
+PARKED_CREEP_M = 5e-3
 """Creep while the rover stands, above which sticking is simulated: on all runs of the samples it is below 3 mm."""
 
-_STANDING_M_PER_S = 1e-3
+STANDING_M_PER_S = 1e-3
+"""Speed of the hinge below which the rover stands."""
+
 _START_S = 0.2
 _START_OFF_M = 0.005
 """How far a start from rest may lead the path of an object off that was moving: a quarter of the default tolerance. The
@@ -164,13 +167,13 @@ class RunSimulation:
         sticking = bool(asked)
         if asked == "auto":
             self.model = SceneModel(self.scene)
-            sticking = self._creep(self.motion(DYNAMICS, tolerance), standing=True) > _PARKED_CREEP_M
+            sticking = self._creep(self.motion(DYNAMICS, tolerance), standing=True) > PARKED_CREEP_M
         self.model = SceneModel(self.scene, sticking=sticking)
 
     def _creep(self, motion: SimulatedMotion, *, standing: bool) -> float:
         """Length of the path below the stiction velocity [m], in total or while the rover stands."""
         speed = np.linalg.norm(spline_values(self.hinge, motion.time_s)[1], axis=1)
-        counted = speed < _STANDING_M_PER_S if standing else np.ones(len(speed), dtype=bool)
+        counted = speed < STANDING_M_PER_S if standing else np.ones(len(speed), dtype=bool)
         still = replace(motion, twist=np.where(counted[:, None], motion.twist, 0.0))
         return creep_length(still, self.towed, self.scene.friction.stiction_velocity)
 
@@ -179,7 +182,7 @@ class RunSimulation:
         if self.model.sticking:
             return []
         crept, parked = self._creep(motion, standing=False), self._creep(motion, standing=True)
-        severity = Severity.WARNING if parked > _PARKED_CREEP_M else Severity.NOTE
+        severity = Severity.WARNING if parked > PARKED_CREEP_M else Severity.NOTE
         if crept <= settings.rung_tolerance_m:
             return []
         return [finding("creep", severity, crept_mm=1000 * crept, parked_mm=1000 * parked)]
@@ -204,11 +207,12 @@ class RunSimulation:
         findings = []
         if motion.outcome != Outcome.CONVERGED and not any(motion.advice in found.text for found in motion.findings):
             findings.append(finding("simulate_outcome", outcome=motion.outcome, advice=motion.advice))
-        if self.model.law.residual > _LAW_RESIDUAL:
-            findings.append(finding("friction_law", percent=100 * self.model.law.residual))
+        findings += law_findings(self.model.law)
         if len(self.times) < len(self.asked):
             findings.append(finding("simulate_cut", count=len(self.asked) - len(self.times)))
-        findings += [*self.unpulled, *_hanging_findings(self.scene, motion)]
+        scene = self.scene
+        findings += hanging_findings(scene.tether, scene.hinge_height, scene.anchor_height, scene.ground, motion)
+        findings += self.unpulled
         findings += tether_across(self.scene, self.body, motion) if self.body else []
         return findings + self._taut_start(motion)
 
@@ -269,14 +273,21 @@ def _whole(motion: SimulatedMotion, times: Array) -> SimulatedMotion:
     return motion
 
 
-def _hanging_findings(scene: TowingScene, motion: SimulatedMotion) -> list[Finding]:
-    """A finding where a tether with mass would hang through the floor."""
-    if not scene.tether.mass_per_length > 0:
+def law_findings(law: FittedLaw) -> list[Finding]:
+    """A finding where a friction law misses the stated coefficients."""
+    return [finding("friction_law", percent=100 * law.residual)] if law.residual > _LAW_RESIDUAL else []
+
+
+def hanging_findings(
+    tether: Tether, hinge_height: float, anchor_height: float, ground: Ground, motion: SimulatedMotion
+) -> list[Finding]:
+    """A finding where a tether with mass would hang through the floor; heights are over the floor [m]."""
+    if not tether.mass_per_length > 0:
         return []
-    rise = scene.hinge_height - scene.anchor_height
+    rise = hinge_height - anchor_height
     distances = np.sqrt(np.maximum(motion.tether_length**2 - rise**2, 0.0))
-    below = np.array([lowest_point(scene.tether, each, rise, scene.ground.gravity) for each in distances])
-    depth = below - scene.anchor_height
+    below = np.array([lowest_point(tether, each, rise, ground.gravity) for each in distances])
+    depth = below - anchor_height
     if not (depth > 0).any():
         return []
     return [finding("tether_on_floor", percent=100 * np.mean(depth > 0), depth_mm=1000 * depth.max())]
