@@ -391,6 +391,10 @@ register(  # uncertainty, compare, identify
         "widened", "uncertainty", WARNING, NONE,
         "The deviation of {input} is taken to be {factor:g} times as large, because of: {codes}.",
     ),
+    FindingType(
+        "slip", "uncertainty", WARNING, NONE,
+        "A slip in campaign.yaml would explain {error_mm:.1f} mm RMS (but for those in brackets): {slips}. Check it.",
+    ),
     FindingType("verdict", "compare", NOTE_OR_WARNING, NONE, "{statement}."),
     FindingType("statement", "compare", NOTE, NONE, "{off}. {model}. {visible}."),
     FindingType("campaign_verdict", "campaign", NOTE_OR_WARNING, NONE, "{sentence}"),

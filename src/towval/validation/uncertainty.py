@@ -30,6 +30,7 @@ from towval.validation.path_frame import OnPath
 from towval.validation.sampler import Case, Sampler, UncertaintySettings
 from towval.validation.shares import variance_shares
 from towval.validation.simulate_many import Batch, Drawn
+from towval.validation.slips import slip_findings
 from towval.validation.statistics import RightModel, error_sizes
 
 DRAWS = (256, 512, 1024, 2048)
@@ -217,9 +218,11 @@ class UncertaintySampling:
         right = RightModel.of(path.drawn, draws.inputs, self.settings.confidence)
         if not right.rejects(path.error) and error_sizes(path.error)[1] <= error_sizes(path.off)[:, 1].max():
             return known
-        left = self._left(replace(self._sampler.batch, times=known.time_s[draws.rows]), draws.rows, path)
+        batch = replace(self._sampler.batch, times=known.time_s[draws.rows])
+        left = self._left(batch, draws.rows, path)
         found = explain(path.error, path.off, right, draws.column_names, self.case.assumed, left, path.length)
-        return replace(known, explanation=found)
+        slips = self._slips(batch, path, right) if right.rejects(path.error) else []
+        return replace(known, explanation=found, findings=(*known.findings, *slips))
 
     def on_path(self, known: RunUncertainty) -> OnPath | None:
         """Error and draws of the run along and across its path; None without draws or where it was hardly seen."""
@@ -240,6 +243,18 @@ class UncertaintySampling:
 
         nominal = errors([{}])
         return lambda moves: path.error + (errors(moves) - nominal)
+
+    def _slips(self, batch: Batch, path: OnPath, right: RightModel) -> list[Finding]:
+        """A finding where a slip in campaign.yaml, undone, leaves the error of a right model."""
+        # A simpler rung was chosen for the scene as stated.
+        batch, stated = replace(batch, rung=DYNAMICS), self._sampler.as_stated
+        (plain,) = batch.simulate([stated])
+
+        def left(acts: Sequence[Acts]) -> Array:
+            moved = np.array(list(batch.simulate(_acted(act, stated) for act in acts)))
+            return path.error + path.frame.along_across(pose_difference(moved, plain))[:, path.frame.seen]
+
+        return slip_findings(self.case.scene, path, right, left)
 
     def effects(self, found: RunUncertainty, limit_m: float = 0.0) -> tuple[Choice, ...]:
         """Each effect of a lab on the path, taken or left out; see :func:`towval.validation.effects.effect_choices`."""
