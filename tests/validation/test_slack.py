@@ -7,10 +7,11 @@ import pytest
 
 from studies.worlds.measured import measured_track
 from studies.worlds.towed_runs import FRAME_STD, synthetic_run, true_motion
-from towval.model import Tether
+from towval.model import Tether, TrackStatus
 from towval.validation.decimate import decimate
 from towval.validation.hinge_trajectory import hinge_trajectory
 from towval.validation.scene_model import SceneModel
+from towval.validation.simulate import simulate
 from towval.validation.slack import moved_while_slack
 from validation_case import SCENE
 
@@ -105,3 +106,35 @@ def test_a_high_tow_whose_heights_are_not_stated_is_told_to_state_them():
     (found,) = moved_while_slack(SCENE, *tracks, TIMES)
     assert "state the heights of both" in found.text
     assert moved_while_slack(replace(SCENE, hinge_height=rise), *tracks, TIMES) == []
+
+
+def hidden_tow(hidden):
+    """Rover and object of a tow by 0.6 m with slack before and after it; the object hidden in frames (n,)."""
+    rover = ramp(2.0, 6.0, 0.7) + ramp(7.0, 8.0, -0.1)
+    pose = np.column_stack([BEHIND_M + 0.1 + np.maximum(0.0, ramp(2.0, 6.0, 0.7) - 0.1), 0 * TIMES, 0 * TIMES])
+    pose += FRAME_STD * np.random.default_rng(2).standard_normal(pose.shape)
+    track = measured_track("object", TIMES, pose, FRAME_STD)
+    lost = hidden[:, None]
+    track = replace(
+        track,
+        pose=np.where(lost, np.nan, pose),
+        covariance=np.where(lost[..., None], np.nan, track.covariance),
+        status=np.where(hidden, TrackStatus.LOST, TrackStatus.TRACKED).astype(np.uint8),
+    )
+    return on_a_line("rover", rover), decimate(track)
+
+
+def test_what_an_object_did_while_it_was_hidden_is_not_held_against_its_slack_tether():
+    """The curve that bridges it is a guess: a tow behind a hand was said to be pushed, and the run was not judged."""
+    hidden = (TIMES > 2.4) & (TIMES < 7.6)
+    tracks = hidden_tow(hidden)
+    assert moved_while_slack(SCENE, *tracks, TIMES)
+    assert moved_while_slack(SCENE, *tracks, TIMES[~hidden]) == []
+    codes = [{each.code for each in simulate(SCENE, *tracks, TIMES, seen=seen).findings} for seen in (None, ~hidden)]
+    assert codes[0] - codes[1] == {"moved_while_slack"}
+
+
+def test_a_push_seen_in_part_is_found():
+    hidden = (TIMES > 7.4) & (TIMES < 7.8)
+    (found,) = moved_while_slack(SCENE, *pushed(0.1), TIMES[~hidden])
+    assert found.code == "moved_while_slack"

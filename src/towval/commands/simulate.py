@@ -51,7 +51,7 @@ def run(
         measured = measurement_std_m(read_calibration(camera), given.object, seen_places(tracked))
     settings, simulated = simulate_selecting(
         given.scene, bodies["rover"], bodies["object"], tracked.time_s, settings, auto=auto, measurement_m=measured,
-        body=given.object,
+        body=given.object, seen=tracked.seen,
     )  # fmt: skip
     write_simulated(output, simulated, provenance("simulate", settings, inputs, run=name, document=given.document))
     u_num_mm = 1e3 * simulated.statistics.get("u_num_m", np.nan)

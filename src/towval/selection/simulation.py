@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from towval.model import Body, Choice, DecimatedTrack, SimulatedMotion, TowingScene
 from towval.model.results import TO_DYNAMICS
@@ -29,6 +29,7 @@ def simulate_selecting(
     auto: Sequence[str],
     measurement_m: float,
     body: Body | None = None,
+    seen: NDArray[np.bool_] | None = None,
 ) -> tuple[SimulateSettings, SimulatedMotion]:
     """Simulate a run with the settings that it needs; its choices state the effect of the next model and tolerance.
 
@@ -39,7 +40,7 @@ def simulate_selecting(
     if "rung_tolerance_m" in auto:
         settings = replace(settings, rung_tolerance_m=float(np.clip(limit, 1e-9, 1.0)))
     tolerances = TOLERANCES_M if "tolerance_m" in auto else (settings.tolerance_m,)
-    run = RunSimulation(scene, rover, towed, times, body)
+    run = RunSimulation(scene, rover, towed, times, body, seen)
     for tolerance in tolerances:
         settings = replace(settings, tolerance_m=tolerance)
         motion = run.simulate(settings)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from towval.model import Array, Body, DecimatedTrack, Finding, Ground, Severity, SimulatedMotion, Tether, TowingScene
 from towval.model.checks import within
@@ -74,6 +74,7 @@ def simulate(
     times: ArrayLike,
     settings: SimulateSettings | None = None,
     body: Body | None = None,
+    seen: NDArray[np.bool_] | None = None,
 ) -> SimulatedMotion:
     """Simulate the towed object behind the measured rover.
 
@@ -81,10 +82,11 @@ def simulate(
     tether did not cause. The motion is given at those of the ``times`` (n,) [s] from when both tracks have begun to the
     end of the rover's. ``statistics["u_num_m"]`` is the root sum of squares of the largest shifts of the path by a
     hundred times tighter tolerance, ``statistics["u_tolerance_m"]``, and by the full dynamics. With the ``body`` of the
-    object a tether that lies across it is reported. `RefusedError` where the load's weight is outside the footprint,
-    the tracks do not overlap, or the integration ends early.
+    object a tether that lies across it is reported. ``seen`` (n,): whether the object was seen at these times, at all
+    of them if not given; between them its track is a guess. `RefusedError` where the load's weight is outside the
+    footprint, the tracks do not overlap, or the integration ends early.
     """
-    return RunSimulation(scene, rover, towed, times, body).simulate(settings or SimulateSettings())
+    return RunSimulation(scene, rover, towed, times, body, seen).simulate(settings or SimulateSettings())
 
 
 class RunSimulation:
@@ -100,10 +102,12 @@ class RunSimulation:
         towed: DecimatedTrack,
         times: ArrayLike,
         body: Body | None = None,
+        seen: NDArray[np.bool_] | None = None,
     ):
         begin, end = max(rover.time_s[0], towed.time_s[0]), rover.time_s[-1]
         self.asked = np.asarray(times, dtype=np.float64)
-        self.times = self.asked[(self.asked >= begin) & (self.asked <= end)]
+        inside = (self.asked >= begin) & (self.asked <= end)
+        self.times = self.asked[inside]
         if len(self.times) < 2:
             raise RefusedError(
                 "the tracks of rover and object do not overlap",
@@ -113,7 +117,7 @@ class RunSimulation:
         self.scene, self.model, self.body = scene, SceneModel(scene), body
         self.towed = self.model.towed
         self.hinge = hinge_trajectory(rover, scene.hinge, self.times)
-        self.unpulled = moved_while_slack(scene, rover, towed, self.times)
+        self.unpulled = moved_while_slack(scene, rover, towed, self.asked[inside if seen is None else inside & seen])
         self.start_pose = towed.poses_at(self.times[0])
         self.start_twist = towed.poses_and_rates_at(self.times[0])[3:]
         self.start_speed = _speed_at_start(towed, self.times[0])

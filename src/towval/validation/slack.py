@@ -1,6 +1,9 @@
 """What moved the object while its tether was slack: nothing that the simulation knows of."""
 
+from collections.abc import Iterator
+
 import numpy as np
+from numpy.typing import NDArray
 
 from towval.model import Array, DecimatedTrack, Finding, TowingScene
 from towval.model.findings import finding
@@ -17,6 +20,9 @@ _MOVED_M = 0.005
 _COASTING = 3.0
 """Factor on the distance that friction lets an object coast: a wrong friction is for the verdict to find."""
 
+_GAP = 1.5
+"""A step between two frames, in usual ones, from which on it is a gap, as in the stage decimate."""
+
 _BEFORE_S = 0.1
 """Time before the tether is surely slack in which the object's fastest motion counts."""
 
@@ -26,10 +32,13 @@ def moved_while_slack(scene: TowingScene, rover: DecimatedTrack, towed: Decimate
 
     A body of mass m under friction of at least μ m g comes to rest within (v² + k² ω²) / (2 μ g): by Jensen's
     inequality the mean slip under a sole is at least the speed of its centre of pressure, taken as that of its mass,
-    which it is near where no tether pulls. ``times`` (n,) [s] of both tracks. What moves it beyond that is the rover
-    that touches it, a hand or a cable, none of which the simulation has. Nothing is said of a tether so heavy that its
-    sag pulls the object.
+    which it is near where no tether pulls. ``times`` (n,) [s] are those at which the object was seen. What moves it
+    beyond that is the rover that touches it, a hand or a cable, none of which the simulation has. Nothing is said of a
+    tether so heavy that its sag pulls the object, and of motion that was not seen: meanwhile the tether may have been
+    taut.
     """
+    if len(times) < 2:
+        return []
     hinge = transform(rover.poses_at(times), scene.hinge)
     anchor = transform(towed.poses_at(times), scene.anchor)
     span = np.hypot(np.linalg.norm(hinge - anchor, axis=1), scene.hinge_height - scene.anchor_height)
@@ -45,7 +54,7 @@ def moved_while_slack(scene: TowingScene, rover: DecimatedTrack, towed: Decimate
     velocity = velocity_at(moving[:, 3:], lever)
     square = np.sum(velocity**2, axis=1) + body.inertia / body.mass * moving[:, 5] ** 2
     worst_m, begins, ends = 0.0, 0, 0
-    for first, last in stretches(slack):
+    for first, last in _unbroken(stretches(slack), _hidden_before(times, centre)):
         before = np.searchsorted(times, times[first] - _BEFORE_S)
         coasting = square[before : first + 1].max() / (2 * friction * scene.ground.gravity)
         gone = np.linalg.norm(centre[first : last + 1] - centre[first], axis=1) - _COASTING * coasting
@@ -61,6 +70,19 @@ def moved_while_slack(scene: TowingScene, rover: DecimatedTrack, towed: Decimate
             length_m=length_m, rest_m=scene.tether.rest_length,
         )
     ]  # fmt: skip
+
+
+def _hidden_before(times: Array, centre: Array) -> NDArray[np.bool_]:
+    """Frames (n,) before which the object, at places (n, 2) [m], moved while it was not seen for a while."""
+    steps, gone = np.diff(times), np.linalg.norm(np.diff(centre, axis=0), axis=1)
+    return np.append(False, (steps > _GAP * np.median(steps)) & (gone > _MOVED_M))
+
+
+def _unbroken(found: NDArray[np.int64], breaks: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+    """First and last index of each of the stretches (k, 2), in parts that begin where there is a break (n,)."""
+    for first, last in found:
+        begins = [first, *(first + 1 + np.flatnonzero(breaks[first + 1 : last + 1]))]
+        yield from zip(begins, [*(each - 1 for each in begins[1:]), last], strict=True)
 
 
 def _least_friction(scene: TowingScene) -> float:
