@@ -1,6 +1,7 @@
 """Slips in campaign.yaml: the one that was made is named, none where something else is wrong."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from towval.model import Ground, Tether
 from towval.validation.sampler import UncertaintySettings
 from towval.validation.simulate import simulate
-from towval.validation.slips import slips_of
+from towval.validation.slips import slip_findings, slips_of
 from towval.validation.uncertainty import sample_uncertainty
 from validation_case import SCENE
 
@@ -43,6 +44,17 @@ def test_a_slip_is_named(case, stated, name):
 )
 def test_what_is_no_slip_is_not_called_one(case, stated):
     assert found(case, replace(SCENE, **stated)) == []
+
+
+@pytest.mark.parametrize(
+    ("error_m", "left_m", "named"), [(0.02, 0.001, True), (0.004, 0.001, False), (0.02, 0.03, False)]
+)
+def test_a_slip_explains_an_error_beyond_the_measurement_by_a_smaller_one(error_m, left_m, named):
+    """Right models whose start was seen too seldom to know were told of slips that left four times the error."""
+    right, shape = SimpleNamespace(rejects=lambda error: False), np.ones((50, 3)) * [1, 0, 0]
+    path = SimpleNamespace(error=error_m * shape, off=0.005 * np.stack([shape, -shape]))
+    found = slip_findings(SCENE, path, right, lambda acts: np.stack([left_m * shape] * len(acts)))
+    assert bool(found) == named
 
 
 def test_each_slip_is_undone_by_the_same_slip_or_its_unit():

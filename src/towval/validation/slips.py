@@ -43,17 +43,22 @@ def slip_findings(
 
     The draws are of the scene as it is stated, and where that hardly moves, as on a spring in the wrong unit, they say
     nothing of a right model. So a slip also counts where it leaves no more than a draw of the measurement, of an error
-    far beyond that. ``path`` is the run with its error and draws; ``left`` simulates it with k changes of the scene:
-    errors (k, n, 3) along and across the path, NaN where that fails.
+    far beyond that. An error that is no larger than in a draw of the measurement needs no slip, and one that a slip
+    would only enlarge is not explained by it.
+
+    ``path`` is the run with its error and draws; ``left`` simulates it with k changes of the scene: errors (k, n, 3)
+    along and across the path, NaN where that fails.
     """
     slips, largest = slips_of(scene), SIZES.index("position_max")
     most_m = float(error_sizes(path.off)[:, largest].max())
-    far = error_sizes(path.error)[largest] > _FAR * most_m
+    off_m = float(error_sizes(path.error)[largest])
+    if off_m <= most_m:
+        return []
 
     def explains(error: Array) -> bool:
-        if not np.isfinite(error).all():
+        if not np.isfinite(error).all() or rms_length(error) >= rms_length(path.error):
             return False
-        return not right.rejects(error) or bool(far and error_sizes(error)[largest] <= most_m)
+        return not right.rejects(error) or bool(off_m > _FAR * most_m and error_sizes(error)[largest] <= most_m)
 
     errors = left([slip.undone for slip in slips])
     found = [(1e3 * rms_length(error), slip.name) for slip, error in zip(slips, errors, strict=True) if explains(error)]
