@@ -211,8 +211,9 @@ register(  # calibrate
     FindingType(
         "pictures-tagged", "calibrate", NOTE, NONE,
         "{count} of {pictures} pictures ({first} the first of them) carry a tag for orientation (EXIF), by which "
-        "viewers turn them. They are used as stored. Pixels in campaign.yaml (of the floor's origin and axis, of marks) "
-        "count as stored, too: see check/start.html, or take them from a viewer that leaves the tag aside.",
+        "viewers turn them. They are used as they are stored, as the sensor saw them. Pixels in campaign.yaml (of the "
+        "floor's origin and axis, of surveyed marks) count as stored, too: see check/start.html, or take them from a "
+        "viewer that leaves the tag aside.",
     ),
     FindingType(
         "marks-alone", "calibrate", WARNING, NONE,
@@ -347,24 +348,6 @@ register(  # track
         "low_texture", "track", WARNING, NONE,
         "The top of {name} shows too little texture for the noise of the video (deviation {std_mm:.2f} mm where "
         "observed). Put a pattern on it: print, stickers, tape.",
-    ),
-)  # fmt: skip
-register(  # decimate
-    FindingType("decimated", "decimate", NOTE, NONE, "{body}: {kept} of {frames} tracked poses kept."),
-    FindingType(
-        "decimate_outlier", "decimate", WARNING, WIDENS_TRACKING,
-        "{body}: at {time_s:.2f} s the measured pose is {deviations:.1f} deviations off the smoothed track; look at "
-        "that frame of the film.",
-    ),
-    FindingType(
-        "decimate_bridged", "decimate", WARNING, WIDENS_TRACKING,
-        "{body}: {count} frames were not observed; the smoothed track bridges them (longest gap {gap_s:.2f} s).",
-    ),
-    FindingType(
-        "bridge_unsure", "decimate", WARNING, NOT_JUDGED,
-        "The rover was not observed for {gap_s:.1f} s from {time_s:.2f} s on, while its speed or turning changed: it, "
-        "or the tether's hinge, may have been {off_mm:.0f} mm ahead of or behind the curve that bridges the gap and "
-        "drives the simulation. Film it all along, or cut the video there.",
     ),
 )  # fmt: skip
 register(  # uncertainty, compare, identify

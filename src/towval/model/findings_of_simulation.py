@@ -1,9 +1,37 @@
-"""The rows of the table of findings about the simulation, of the stage simulate and of the physics."""
+"""The rows of the table of findings about the simulation: of the stages decimate and simulate, and of the physics."""
 
-from towval.model.findings import NONE, NOT_JUDGED, NOTE_OR_WARNING, WARNING, Consequence, FindingType, register
+from towval.model.findings import (
+    NONE,
+    NOT_JUDGED,
+    NOTE,
+    NOTE_OR_WARNING,
+    WARNING,
+    WIDENS_TRACKING,
+    Consequence,
+    FindingType,
+    register,
+)
 
 _ENDED = "The simulation ended with: {outcome}, at {time_s:.3f} s. {advice}"
 
+register(  # decimate
+    FindingType("decimated", "decimate", NOTE, NONE, "{body}: {kept} of {frames} tracked poses kept."),
+    FindingType(
+        "decimate_outlier", "decimate", WARNING, WIDENS_TRACKING,
+        "{body}: at {time_s:.2f} s the measured pose is {deviations:.1f} deviations off the smoothed track; look at "
+        "that frame of the film.",
+    ),
+    FindingType(
+        "decimate_bridged", "decimate", WARNING, WIDENS_TRACKING,
+        "{body}: {count} frames were not observed; the smoothed track bridges them (longest gap {gap_s:.2f} s).",
+    ),
+    FindingType(
+        "bridge_unsure", "decimate", WARNING, NOT_JUDGED,
+        "The rover was not observed for {gap_s:.1f} s from {time_s:.2f} s on, while its speed or turning changed: it, "
+        "or the tether's hinge, may have been {off_mm:.0f} mm ahead of or behind the curve that bridges the gap and "
+        "drives the simulation. Film it all along, or cut the video there.",
+    ),
+)  # fmt: skip
 register(  # simulate; the last six are those of towval.physics
     FindingType("rung", "simulate", NOTE_OR_WARNING, NONE, "Model: {rung}; {changes} (allowed: {allowed_mm:.2f} mm)."),
     FindingType(
