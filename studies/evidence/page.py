@@ -22,7 +22,7 @@ number about accuracy, cost or coverage stands in README or on a page of the doc
 test compares both. Numbers of a set-up, of what was found at another time, and what follows from a row (an interval of
 a count) may stand in the words of the group alone. Pages that a command of their own makes are left out, and say when
 they were made: the [claims of the paper](claims.md), the [map of camera faults](camera_faults.md) and the
-[five scenes](scenes.md).
+[five scenes](scenes.md), of which the first table is a group here.
 
 - *Class* says how far the truth is from us: real data of others, another program, our own synthetic worlds, or a cost.
 - *Holds* is the stated number's tolerance against what was measured at the date and commit given; a plus behind the
