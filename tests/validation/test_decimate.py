@@ -9,7 +9,9 @@ import pytest
 from scipy.interpolate import CubicHermiteSpline
 
 from towval.model.errors import InputError, RefusedError
-from towval.validation.decimate import DecimateSettings, _fit, decimate, find_pauses, noise_of, off_bridge_m
+from towval.validation.bridges import off_bridge_m
+from towval.validation.consequences import excused
+from towval.validation.decimate import DecimateSettings, _fit, decimate, find_pauses, noise_of
 
 STD = np.array([1e-4, 1e-4, 2e-4])
 
@@ -247,6 +249,27 @@ def test_a_turn_on_the_spot_that_nobody_saw_leaves_the_run_unjudged(make_track):
     assert "bridge_unsure" in {found.code for found in decimate(turn).findings}
     even = make_track(lambda t: np.column_stack([0 * t, 0 * t, 0.1 * t]), duration_s=10, lost=range(75, 175))
     assert "bridge_unsure" not in {found.code for found in decimate(even).findings}
+
+
+@pytest.mark.parametrize(("rate_hz", "sparse"), [(2.0, True), (10.0, False), (25.0, False)])
+def test_a_stop_between_two_pictures_is_held_against_no_model(make_track, rate_hz, sparse):
+    """A right model that was filmed twice a second disagreed, where the tolerance was small."""
+
+    def earlier(t):
+        return stop(t + 0.15)
+
+    track = make_track(earlier, duration_s=20, rate_hz=rate_hz)
+    thin = decimate(track)
+    named = [found for found in thin.findings if found.code == "pictures_sparse"]
+    assert bool(named) == excused(found.code for found in named) == sparse
+    if sparse:
+        between = np.arange(4.5, 5.0, 0.01)
+        missed = np.abs(thin.poses_at(between) - earlier(between))[:, 0].max()
+        assert 0.004 < missed < off_bridge_m(thin, 4.5, 5.0)
+        assert f"{1000 * off_bridge_m(thin, 4.5, 5.0):.0f} mm ahead of or behind" in named[0].text
+    even = make_track(lambda t: np.column_stack([0.13 * t, 0 * t, 0 * t]), duration_s=20, rate_hz=rate_hz)
+    for other in (even, replace(track, body="object")):
+        assert "pictures_sparse" not in {found.code for found in decimate(other).findings}
 
 
 def test_a_burst_that_neither_end_shows_counts_by_half_of_what_is_missing(make_track):

@@ -1,6 +1,7 @@
 """The rows of the table of findings about the simulation: of the stages decimate and simulate, and of the physics."""
 
 from towval.model.findings import (
+    EXCUSES,
     NONE,
     NOT_JUDGED,
     NOTE,
@@ -30,6 +31,12 @@ register(  # decimate
         "The rover was not observed for {gap_s:.1f} s from {time_s:.2f} s on, while its speed or turning changed: it, "
         "or the tether's hinge, may have been {off_mm:.0f} mm ahead of or behind the curve that bridges the gap and "
         "drives the simulation. Film it all along, or cut the video there.",
+    ),
+    FindingType(
+        "pictures_sparse", "decimate", WARNING, EXCUSES,
+        "From one picture to the next, {gap_s:.2f} s later, the rover changes its speed or turning so much, most at "
+        "{time_s:.2f} s, that it, or the tether's hinge, may have been {off_mm:.0f} mm ahead of or behind the curve "
+        "that drives the simulation. Film more pictures a second, or let the rover start and stop more slowly.",
     ),
 )  # fmt: skip
 register(  # simulate; the last six are those of towval.physics

@@ -7,7 +7,7 @@ are in docs/decimation.md.
 
 import itertools
 from bisect import bisect_right
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
@@ -20,6 +20,7 @@ from towval.model import Array, DecimatedTrack, Finding, Track, TrackStatus
 from towval.model.conventions import FEWEST_FRAMES
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
+from towval.validation.bridges import bridge_findings
 
 _MAD_TO_STD = 1.4826
 _THIRD_DIFFERENCE_GAIN = np.sqrt(20.0)
@@ -44,13 +45,6 @@ _LEAST_STATED = 0.03
 _MOST_STATED = 6.0
 """White noise that counts at most, in stated deviations: what sticks and slips between few frames a second scatters as
 noise does, by a hundred; no track of the camera faults scatters by more than three."""
-
-HIDDEN_M = 0.01
-"""What an unobserved motion of the rover may be off its bridge, along it, from which on the run is not judged: half of
-the default tolerance, since the object follows the rover."""
-
-_LEVER_M = 0.5
-"""Lever at which a turn of the rover counts as motion: the hinge swings with it, whose place is not known here."""
 
 _RUN = 4
 _RUN_BOUND = 2.0
@@ -119,7 +113,7 @@ def decimate(track: Track, settings: DecimateSettings | None = None) -> Decimate
         misfit=np.sqrt(np.mean(residual**2, axis=0)),
         findings=_findings(track, seen, kept, residual),
     )
-    return replace(thin, findings=(*thin.findings, *_bridge_findings(thin, time)))
+    return replace(thin, findings=(*thin.findings, *bridge_findings(thin, time)))
 
 
 def noise_of(time: Array, pose: Array, reported: Array) -> Array:
@@ -413,38 +407,3 @@ def _findings(track: Track, seen: NDArray[np.int64], kept: NDArray[np.int64], re
         longest = float(np.diff(track.time_s[seen]).max()) if len(seen) > 1 else 0.0
         findings.append(finding("decimate_bridged", body=track.body, count=missing, gap_s=longest))
     return tuple(findings)
-
-
-def _bridge_findings(track: DecimatedTrack, seen_s: Array) -> Iterator[Finding]:
-    """A finding where the rover, which drives the simulation, may have moved otherwise than its curve over a gap."""
-    steps = np.diff(seen_s)
-    gaps = np.flatnonzero(steps > 1.5 * np.median(steps))
-    if track.body != "rover" or not len(gaps):
-        return
-    off_m, worst = max((off_bridge_m(track, *seen_s[i : i + 2]), i) for i in gaps)
-    if off_m > HIDDEN_M:
-        yield finding("bridge_unsure", time_s=seen_s[worst], gap_s=steps[worst], off_mm=1000 * off_m)
-
-
-def off_bridge_m(track: DecimatedTrack, begin_s: float, end_s: float) -> float:
-    """How far along its path a body may have been from the curve between two times of an unobserved motion [m].
-
-    Its speed is that of its origin and, at a lever of 0.5 m, that of its turn: on the spot it moves the tether's hinge.
-    What was seen at both ends leaves the time open at which the speed changed in between. Compared are the two simplest
-    motions: on at the first speed, then a stop; a wait, then on at the last speed. A body that keeps its speed arrives
-    as the curve does: zero. Where neither is fast enough for the length, it is half of what is missing.
-    """
-    time = np.linspace(0.0, end_s - begin_s, 101)
-    along_x, along_y, turn = track.poses_and_rates_at(begin_s + time)[:, 3:].T
-    return missed_m(time, np.hypot(along_x, along_y) + _LEVER_M * np.abs(turn))
-
-
-def missed_m(time: Array, speed: Array) -> float:
-    """The same [m] of what moves with speeds (n,) [m/s] along the curve at times (n,) from zero to the end of a gap."""
-    gone = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(time))])
-    first, last, length = speed[0] * time, gone[-1] - speed[-1] * time[::-1], gone[-1]
-    others = [np.minimum(first, length)] if first[-1] >= length else []
-    others += [np.maximum(last, 0.0)] if last[0] <= 0 else []
-    if not others:
-        return float(min(length - first[-1], last[0]) / 2)
-    return float(max(np.abs(other - gone).max() for other in others))

@@ -27,7 +27,8 @@ from towval.physics.friction_laws import FittedLaw, fitted_law
 from towval.physics.spatial.tow import Sticking
 from towval.physics.splines import spline_through, spline_values
 from towval.physics.tether import nearest_rest
-from towval.validation.decimate import HIDDEN_M, DecimateSettings, missed_m
+from towval.validation.bridges import HIDDEN_M, missed_m
+from towval.validation.decimate import DecimateSettings
 from towval.validation.scene_model import hold_at_rest, risen_friction
 from towval.validation.simulate import (
     PARKED_CREEP_M,
