@@ -376,7 +376,8 @@ register(  # uncertainty, compare, identify
     ),
     FindingType(
         "slip", "uncertainty", WARNING, NONE,
-        "A slip in campaign.yaml would explain {error_mm:.1f} mm RMS (but for those in brackets): {slips}. Check it.",
+        "A slip in campaign.yaml would explain the difference of {error_mm:.1f} mm RMS (in brackets what it leaves of "
+        "it): {slips}. Check these keys.",
     ),
     FindingType("verdict", "compare", NOTE_OR_WARNING, NONE, "{statement}."),
     FindingType("statement", "compare", NOTE, NONE, "{off}. {model}. {visible}."),
