@@ -11,6 +11,7 @@ from report_scenes import LOST, ceiling_calibration, towed_run, uncertainty_of
 from towval.io.summary import summary_csv, summary_latex
 from towval.model import Bounds, Finding, Severity, Verdict
 from towval.model.errors import InputError
+from towval.model.findings import finding
 from towval.report.data import InputRow, Provenance, ReportData, RunReport
 from towval.report.drawing import draw_figures
 from towval.report.facts import calibration_facts, key_numbers, plane_table, side_by_side, verdict_reason
@@ -235,6 +236,18 @@ def test_the_sentence_says_who_agrees_who_does_not_and_what_to_measure():
     assert sentence([good[0], bad, unsure]).startswith(
         "Run a agrees within 2.00 mm; run d does not, from 1.3 m on; run e leaves open"
     )
+
+
+def test_a_slip_in_campaign_yaml_comes_before_what_to_measure_better(tmp_path):
+    """Page and sentence named inputs that were twenty deviations off in place of a sign."""
+    slip = finding("slip", error_mm=34.0, slips="the sign of y of object.load.at_m (0.5 mm)")
+    bad = judged("d", Verdict.DISAGREES, 0.03, "stiffness")
+    bad = dataclasses.replace(bad, uncertainty=dataclasses.replace(bad.uncertainty, findings=(slip,)))
+    assert sentence([bad]) == "Run d does not agree, from 1.3 m on; check campaign.yaml for a slip first."
+    said = Finding(Severity.NOTE, "explanation", "Inputs off by so much would explain it: anchor.")
+    bad = dataclasses.replace(bad, comparison=dataclasses.replace(bad.comparison, findings=(said,)))
+    text = write_report(tmp_path / "report.html", data(runs=(RunReport(bad),), calibration=None)).read_text("utf-8")
+    assert 0 < text.find(f">{slip.text}") < text.find(f">{said.text}")
 
 
 @pytest.mark.parametrize(("verdict", "cited"), [(Verdict.AGREES, True), (Verdict.NOT_JUDGED, False)])

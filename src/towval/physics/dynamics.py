@@ -83,8 +83,8 @@ ADVICE = {
     Outcome.STEP_LIMIT: "Raise the tolerance or the step limit; the hinge's path may be noisy between its points.",
     Outcome.STEP_TOO_SMALL: "Check the drive for jumps, and stiffness, masses and friction law for extreme values.",
     Outcome.NOT_FINITE: "Check the drive and the initial state for extreme values.",
-    Outcome.TIPS: "Check the heights of anchor, hinge and centre of mass, the slope, the friction coefficients, and the "
-    "tether's stiffness: a stiff one pulls with a jerk.",
+    Outcome.TIPS: "Check the heights of anchor, hinge and centre of mass, the slope, the friction coefficients, and "
+    "the tether's stiffness: a stiff one pulls with a jerk.",
     Outcome.LIFTED: "Check the height of the hinge over the anchor, the rest length of the tether and the mass.",
 }
 """What each outcome means for its user."""

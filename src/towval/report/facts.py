@@ -81,9 +81,15 @@ def verdict_reason(comparison: Comparison) -> str:
     return f"Error {millimetres(comparison.path_rms_m)} RMS, validation uncertainty {millimetres(comparison.u_val_m)}."
 
 
-def statement(comparison: Comparison) -> tuple[str, ...]:
-    """Bounds of the simulation's and the model's error, visible faults, and what explains the error."""
-    return _stated(comparison, "statement", "explanation")
+def statement(run: RunRecord) -> tuple[str, ...]:
+    """Bounds of the simulation's and the model's error, visible faults, and what explains the error: slips first."""
+    return (*_stated(run.comparison, "statement"), *slips(run), *_stated(run.comparison, "explanation"))
+
+
+def slips(run: RunRecord) -> tuple[str, ...]:
+    """What is said of slips in campaign.yaml that would explain the error."""
+    found = () if run.uncertainty is None else run.uncertainty.findings
+    return tuple(finding.text for finding in found if finding.code == "slip")
 
 
 def deciding(c: Comparison) -> tuple[tuple[str, str, float], ...]:

@@ -8,7 +8,7 @@ import numpy as np
 from towval.model import Calibration, Comparison, Verdict
 from towval.model.inputs import INPUTS
 from towval.model.run_record import RunRecord
-from towval.report.facts import verdict_reason
+from towval.report.facts import slips, verdict_reason
 from towval.report.wording import NOT_COMPUTED, NOT_JUDGED, at_most, degrees, millimetres
 
 _OTHERWISE = {
@@ -33,7 +33,7 @@ class ResultRow:
 
 
 def sentence(records: Sequence[RunRecord]) -> str:
-    """The result by verdict, and which input to measure better first."""
+    """The result by verdict, and what to do first: correct a slip, or measure an input better."""
     by_verdict = {v: [r.comparison for r in records if r.comparison.verdict is v] for v in Verdict}
     agree = by_verdict.pop(Verdict.AGREES)
     parts = []
@@ -47,7 +47,10 @@ def sentence(records: Sequence[RunRecord]) -> str:
             parts.append(f"{who} {phrase}{_beginning(others) if verdict is Verdict.DISAGREES else ''}")
     first = measure_first(records)
     judged = any(r.comparison.verdict is not Verdict.NOT_JUDGED for r in records)
-    parts += [f"measure the {first} better first"] if first and judged else []
+    if any(slips(r) for r in records):
+        parts.append("check campaign.yaml for a slip first")
+    elif first and judged:
+        parts.append(f"measure the {first} better first")
     text = "; ".join(parts)
     return f"{text[:1].upper()}{text[1:]}."
 

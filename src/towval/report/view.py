@@ -228,7 +228,7 @@ def _run_view(report: RunReport, calibration: Calibration | None, page: FilePath
         kind=run.comparison.verdict.value.replace(" ", "-"),
         summary=facts.summary_cells([run.comparison]),
         key_numbers=facts.key_numbers(run.comparison),
-        statement=facts.statement(run.comparison),
+        statement=facts.statement(run),
         deciding=facts.deciding(run.comparison),
         frames=len(time_s),
         series=series(run, presented_s, time_s),
