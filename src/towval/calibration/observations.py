@@ -153,15 +153,7 @@ def with_floor(observed: CalibrationObservations, estimate: Estimate, flat: Sequ
 
 
 def _check_marks(reference: FloorReference) -> None:
-    marks_m, marks_px = reference.marks_m, reference.marks_px
-    for i, at_px in enumerate(marks_px):
-        same = (marks_px[:i] == at_px).all(axis=1) & (marks_m[:i] != marks_m[i]).any(axis=1)
-        if same.any():
-            raise InputError(
-                "two surveyed marks have the same pixel",
-                got=f"{at_px.tolist()} for {marks_m[:i][same][0].tolist()} and {marks_m[i].tolist()}",
-                remedy="correct floor.surveyed_marks",
-            )
+    marks_m = reference.marks_m
     spread = np.linalg.svd(marks_m - marks_m.mean(axis=0), compute_uv=False)
     if spread[1] < 0.05 * spread[0]:
         raise InputError(

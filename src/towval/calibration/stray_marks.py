@@ -72,8 +72,10 @@ def with_sound_marks(
 ) -> Calibration:
     """Calibrate without the marks that are grossly wrong, each of which is a finding; the farthest is the first.
 
-    A mark that was set aside and is where the calibration puts it after all takes part in another one.
+    A mark that was set aside and is where the calibration puts it after all takes part in another one. `InputError` as
+    :func:`sound_marks`, and for two marks with one pixel.
     """
+    _check_distinct(reference)
     sound = sound_marks(reference, resolution_px)
     while True:
         calibration = calibrated(_marks_where(reference, sound))
@@ -85,6 +87,18 @@ def with_sound_marks(
     strays = sorted(np.flatnonzero(~sound), key=lambda i: -off_px[i])
     found = [finding("mark-left-out", at_m=reference.marks_m[i].tolist(), distance_px=off_px[i]) for i in strays]
     return replace(calibration, findings=(*found, *calibration.findings))
+
+
+def _check_distinct(reference: FloorReference) -> None:
+    marks_m, marks_px = reference.marks_m, reference.marks_px
+    for i, at_px in enumerate(marks_px):
+        same = (marks_px[:i] == at_px).all(axis=1) & (marks_m[:i] != marks_m[i]).any(axis=1)
+        if same.any():
+            raise InputError(
+                "two surveyed marks have the same pixel",
+                got=f"{at_px.tolist()} for {marks_m[:i][same][0].tolist()} and {marks_m[i].tolist()}",
+                remedy="correct floor.surveyed_marks",
+            )
 
 
 def _marks_where(reference: FloorReference, kept: NDArray[np.bool_]) -> FloorReference:
