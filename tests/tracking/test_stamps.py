@@ -216,6 +216,25 @@ def test_a_film_that_shows_a_rest_but_for_a_short_drive_freezes_nowhere(moved_s)
     assert codes(filmed(true_s, stamps_s)) == []
 
 
+@pytest.mark.parametrize(("begins_s", "seed"), [(0.2, 4), (0.24, 1), (0.16, 0), (0.22, 7)])
+@pytest.mark.parametrize("within_s", [0.2, 0.32])
+def test_a_start_that_all_bodies_make_in_one_picture_is_no_lost_one(begins_s, seed, within_s):
+    """In a short film, off from one picture to the next: a rest may have ended at any time, and no step be a lost one.
+
+    The first two were told as such.
+    """
+    stamps_s = np.arange(40) / 25
+    since = np.clip(stamps_s - begins_s, 0, None)
+    along = 0.35 * (since - within_s * (1 - np.exp(-since / within_s)))
+    tracks = filmed(stamps_s, stamps_s)
+    for k, (name, track) in enumerate(tracks.items()):
+        place = np.column_stack([along, 0.1 * along]) + 2.5e-5 * np.random.default_rng([seed, k]).standard_normal(
+            (40, 2)
+        )
+        tracks[name] = replace(track, pose=np.column_stack([place, np.zeros(40)]))
+    assert codes(tracks) == []
+
+
 def test_a_rest_that_ends_as_bodies_do_is_none():
     """Rover and object stand for a second and go on: at full speed within a picture, or sliding off at a jerk."""
     still = np.clip(np.arange(250), None, 100) + np.clip(np.arange(250) - 125, 0, None)

@@ -308,7 +308,7 @@ def _dropped(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np
 
     Pictures were lost under even stamps, a second clip begins before the first one ends, or a clock was set. A cubic
     through the eight pictures around a step follows any motion, but no leap ahead or back. All bodies have to fit it
-    better, together, where the step is taken for a longer or a shorter one.
+    better, together, where the step is taken for another one, and one to move on both sides: a rest ends at any time.
     """
     time_s = next(iter(tracks.values())).time_s[kept]
     count = len(time_s) - 2 * _SIDE + 1
@@ -316,16 +316,18 @@ def _dropped(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np
     if count < CONSTANTS.least_steps:
         return dropped
     index = np.arange(count)[:, None] + np.arange(2 * _SIDE)
-    misfit, bodies = np.zeros(count), []
+    misfit, moves, bodies = np.zeros(count), np.zeros((2, count), dtype=bool), []
     for track in tracks.values():
         place = np.where(track.seen[:, None], track.pose[:, :2], np.nan)[kept]
         own = _misfit(time_s[index], place[index], 0)
         if np.isfinite(own).any():
             # Eight pictures leave four degrees of freedom in each coordinate.
-            usual = float(np.nanmedian(own)) + 2 * _SIDE * _noise_m(track, kept) ** 2
+            usual = float(np.nanmedian(own)) + 2 * _SIDE * (std := _noise_m(track, kept)) ** 2
             misfit += np.nan_to_num(own / usual)
             bodies.append((place, usual))
-    at = np.flatnonzero(misfit > CONSTANTS.unlike)
+            gone = [np.linalg.norm(place[index[:, k + _SIDE - 1]] - place[index[:, k]], axis=1) for k in (0, _SIDE)]
+            moves |= np.array(gone) > CONSTANTS.creeps * np.sqrt(2) * std
+    at = np.flatnonzero((misfit > CONSTANTS.unlike) & moves.all(axis=0))
     rows = index[at]
     others = [
         [np.nan_to_num(_misfit(time_s[rows], place[rows], extra) / usual) for place, usual in bodies]
