@@ -15,7 +15,7 @@ the default tolerance, since the object follows the rover."""
 SPARSE_M = HIDDEN_M / 2
 """The same between any two pictures in a row, from which on a difference is held against no model."""
 
-_GAP = 1.5
+GAP = 1.5
 """A step between two pictures, in usual ones, from which on it is a gap."""
 
 _LEVER_M = 0.5
@@ -33,7 +33,7 @@ def bridge_findings(track: DecimatedTrack, seen_s: Array) -> Iterator[Finding]:
     if track.body != "rover" or len(seen_s) < 2:
         return
     steps = np.diff(seen_s)
-    gaps = steps > _GAP * np.median(steps)
+    gaps = steps > GAP * np.median(steps)
     for rows, code, most_m in ((gaps, "bridge_unsure", HIDDEN_M), (~gaps, "pictures_sparse", SPARSE_M)):
         worst = _least_even(track, seen_s, np.flatnonzero(rows))
         off_m, at = max(((off_bridge_m(track, *seen_s[i : i + 2]), i) for i in worst), default=(0.0, 0))

@@ -10,6 +10,7 @@ from towval.model.findings import finding
 from towval.model.geometry import transform, velocity_at
 from towval.model.tracks import stretches
 from towval.physics.mass import towed_object
+from towval.validation.bridges import GAP
 
 _SLACK_SHARE = 0.95
 """Share of the rest length below which a tether is surely slack: no tape is that wrong (`taut_start`)."""
@@ -19,9 +20,6 @@ _MOVED_M = 0.005
 
 _COASTING = 3.0
 """Factor on the distance that friction lets an object coast: a wrong friction is for the verdict to find."""
-
-_GAP = 1.5
-"""A step between two frames, in usual ones, from which on it is a gap, as in the stage decimate."""
 
 _BEFORE_S = 0.1
 """Time before the tether is surely slack in which the object's fastest motion counts."""
@@ -75,7 +73,7 @@ def moved_while_slack(scene: TowingScene, rover: DecimatedTrack, towed: Decimate
 def _hidden_before(times: Array, centre: Array) -> NDArray[np.bool_]:
     """Frames (n,) before which the object, at places (n, 2) [m], moved while it was not seen for a while."""
     steps, gone = np.diff(times), np.linalg.norm(np.diff(centre, axis=0), axis=1)
-    return np.append(False, (steps > _GAP * np.median(steps)) & (gone > _MOVED_M))
+    return np.append(False, (steps > GAP * np.median(steps)) & (gone > _MOVED_M))
 
 
 def _unbroken(found: NDArray[np.int64], breaks: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
