@@ -12,6 +12,9 @@ import contextlib
 import io
 import shutil
 import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from zlib import crc32
 
@@ -47,8 +50,50 @@ def calibrated(campaign: Path, fault: Fault, strength: float) -> Calibration:
         return read_calibration(copy / "camera.mcap")
 
 
-def cell(sound: Calibration, found: Calibration, heights_m: tuple[float, ...]) -> tuple[str, set[str]]:
-    """Difference and stated deviation on the worst plane [mm], and the findings that are no notes."""
+@dataclass(frozen=True)
+class Cell:
+    """What a fault of some strength does: the worst plane's difference of positions, what is stated there, codes.
+
+    NaN where the calibration is refused.
+    """
+
+    fault: str
+    strength: str
+    off_mm: float
+    stated_mm: float
+    codes: tuple[str, ...]
+
+    @property
+    def refused(self) -> bool:
+        """Whether there is no calibration."""
+        return np.isnan(self.off_mm)
+
+    def __str__(self) -> str:
+        return f"{self.strength}: " + ("refused" if self.refused else f"{self.off_mm:.2f} mm ({self.stated_mm:.2f})")
+
+
+def cells(campaign: Path) -> Iterator[Cell]:
+    """All faults of a campaign's calibration, at all strengths."""
+    heights_m = (0.0, *(body.tracked_plane_height_m for body in load_campaign(campaign).bodies))
+    sound = calibrated(campaign, FAULTS[0], 1)
+    for fault in FAULTS:
+        if fault.campaign is None or fault.film is not None or fault.name.startswith(_OF_VIDEO):
+            continue
+        for strength in fault.strengths:
+            text = f"{strength:g} {fault.unit}".strip()
+            try:
+                found = calibrated(campaign, fault, strength)
+            except TowvalError as error:
+                # A refusal ends without a record of findings; its text is theirs.
+                turned = "against those of the floor" in str(error)
+                yield Cell(fault.name, text, np.nan, np.nan, ("held-flipped",) if turned else ())
+                continue
+            codes = {each.code for each in found.findings if each.severity is not Severity.NOTE}
+            yield Cell(fault.name, text, *_worst_plane(sound, found, heights_m), tuple(sorted(codes)))
+
+
+def _worst_plane(sound: Calibration, found: Calibration, heights_m: tuple[float, ...]) -> tuple[float, float]:
+    """Difference and stated deviation on the worst plane [mm]."""
     pixels = pixel_grid(sound.camera.resolution_px, 12)
     worst, stated = 0.0, 0.0
     for height in heights_m:
@@ -58,23 +103,7 @@ def cell(sound: Calibration, found: Calibration, heights_m: tuple[float, ...]) -
         rms_mm = 1e3 * float(np.sqrt(np.mean(np.sum(apart**2, axis=-1))))
         if rms_mm >= worst:
             worst, stated = rms_mm, 1e3 * uncertainty_map(found, height).rms_m
-    codes = {each.code for each in found.findings if each.severity is not Severity.NOTE}
-    return f"{worst:.2f} mm ({stated:.2f})", codes
-
-
-def row(campaign: Path, sound: Calibration, fault: Fault) -> str:
-    """A row of the table."""
-    heights_m = (0.0, *(body.tracked_plane_height_m for body in load_campaign(campaign).bodies))
-    cells, codes = [], set[str]()
-    for strength in fault.strengths:
-        try:
-            text, said = cell(sound, calibrated(campaign, fault, strength), heights_m)
-        except TowvalError as error:
-            # A refusal ends without a record of findings; its text is theirs.
-            text, said = "refused", {"held-flipped"} if "against those of the floor" in str(error) else set()
-        cells.append(f"{strength:g} {fault.unit}".strip() + f": {text}")
-        codes |= said
-    return f"| {fault.name} | {' | '.join(cells)} | {', '.join(sorted(codes))} |"
+    return worst, stated
 
 
 @errors_reported()
@@ -83,11 +112,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("campaign", nargs="?", type=Path, default=Path("data_samples/lab_small"), metavar="FOLDER")
     campaign = parser.parse_args().campaign
-    sound = calibrated(campaign, FAULTS[0], 1)
     print("| fault | weak | middle | strong | findings |\n|---|---|---|---|---|")
-    for fault in FAULTS:
-        if fault.campaign is not None and fault.film is None and not fault.name.startswith(_OF_VIDEO):
-            print(row(campaign, sound, fault), flush=True)
+    for fault, grouped in groupby(cells(campaign), key=lambda cell: cell.fault):
+        own = list(grouped)
+        codes = sorted({code for cell in own for code in cell.codes})
+        print(f"| {fault} | {' | '.join(map(str, own))} | {', '.join(codes)} |", flush=True)
 
 
 if __name__ == "__main__":

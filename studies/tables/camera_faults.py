@@ -25,7 +25,8 @@ from towval.commands import calibrate
 from towval.commands.console import errors_reported
 
 _SAMPLE = "data_samples/lab_small:a:8"
-_ORDER = ("corrected", "covered", "reported", "silently wrong")
+OUTCOMES = ("corrected", "covered", "reported", "silently wrong")
+"""How poses or a verdict can end, the best first."""
 
 
 def rows(
@@ -52,10 +53,10 @@ def filmed(entry: str) -> Iterator[tuple[Footage, Path]]:
 
 def counted(table: pd.DataFrame) -> str:
     """How the poses of all tows ended, as a table in Markdown: a row a fault and strength."""
-    lines = ["| fault | " + " | ".join(_ORDER) + " | off, median | findings |", "|---" * (len(_ORDER) + 3) + "|"]
+    lines = ["| fault | " + " | ".join(OUTCOMES) + " | off, median | findings |", "|---" * (len(OUTCOMES) + 3) + "|"]
     for (fault, strength, unit), own in table.groupby(["fault", "strength", "unit"], sort=False):
         counts = own.poses.value_counts()
-        cells = [str(counts.get(outcome, 0) or "") for outcome in _ORDER]
+        cells = [str(counts.get(outcome, 0) or "") for outcome in OUTCOMES]
         off = f"{own.rms_mm.median():.1f} mm" if own.rms_mm.notna().any() else "refused"
         often = own.codes.explode().value_counts()
         codes = [code for code, count in often.items() if count >= len(own) / 2]
@@ -83,7 +84,7 @@ def printed(table: pd.DataFrame) -> str:
 
 
 def _cell(runs: pd.DataFrame, unit: str) -> str:
-    poses, verdict = (max(runs[column], key=_ORDER.index) for column in ("poses", "verdict"))
+    poses, verdict = (max(runs[column], key=OUTCOMES.index) for column in ("poses", "verdict"))
     text = f"{runs.strength.iloc[0]:g} {unit}".strip() + f": {poses}"
     if runs.said.str.startswith("refused").any():
         return f"{text} (refused)"
