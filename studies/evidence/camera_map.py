@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,27 +14,35 @@ import pandas as pd
 import towval.calibration.calibrate as calibrating
 from studies.camera_faults.faults import FAULTS
 from studies.camera_faults.tows import filmed_tow
-from studies.evidence.cameras import uncorrected
+from studies.camera_faults.trial import Footage
+from studies.evidence.cameras import aside, left_out
 from studies.evidence.compute import shared_folder
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import replaced
-from studies.tables.calibration_faults import cells
+from studies.evidence.planting import both, replaced, result_of
+from studies.tables import calibration_faults
 from studies.tables.camera_faults import OUTCOMES, filmed, rows
 from towval.commands import track
-from towval.model.errors import RefusedError
+from towval.model import UncertaintyMap
 
+_HERE = sys.modules[__name__]
 _CAMPAIGN = Path("data_samples/lab_small")
 _TOWS = range(7710, 7720)
 _ALL, _MIDDLE = (0, 1, 2), (1,)
 
 
-def _refused(_track: Any) -> Any:
-    """A tracker that takes no film."""
-
-    def refuse(*_given: Any, **_options: Any) -> None:
-        raise RefusedError("the film is refused")
-
-    return refuse
+def _table(source: Footage, camera: Path, strengths: Sequence[int]) -> pd.DataFrame:
+    """A row a cell; all where nothing is planted are the same, and run once."""
+    cells: list[dict[str, object]] = []
+    of_none: dict[str, object] = {}
+    for fault in FAULTS:
+        for i in strengths:
+            if not (fault.is_none and of_none):
+                (cell,) = rows(source, camera, [fault], [i], judged=False)
+                of_none = cell if fault.is_none else of_none
+            else:
+                cell = of_none | {"fault": fault.name, "strength": fault.strengths[i], "unit": fault.unit}
+            cells.append(cell)
+    return pd.DataFrame(cells)
 
 
 def _name(cell: pd.Series) -> str:
@@ -53,7 +63,7 @@ def _totals(table: pd.DataFrame) -> dict[str, float | str]:
 def _of_run() -> Values:
     """What becomes of the poses in each cell, and how far they are off [mm]; findings of each fault."""
     with filmed(f"{_CAMPAIGN}:b:8") as (source, camera):
-        table = pd.DataFrame(rows(source, camera, FAULTS, _ALL, judged=False))
+        table = _table(source, camera, _ALL)
     found = _totals(table)
     for fault, own in table.groupby("fault", sort=False):
         for _, cell in own.iterrows():
@@ -61,17 +71,18 @@ def _of_run() -> Values:
             found[_name(cell)] = "refused" if refused else cell.poses
             if not refused:
                 found[f"{_name(cell)}, off"] = cell.rms_mm
-        found[f"{fault}, findings"] = ", ".join(dict.fromkeys(code for codes in own.codes for code in codes)) or "none"
+        if codes := dict.fromkeys(code for codes in own.codes for code in codes):
+            found[f"{fault}, findings"] = ", ".join(codes)
     return found
 
 
 def _of_tows() -> Values:
     """How the tows ended by fault, how far their poses are off [mm, median], and findings of half of them or more."""
-    cells: list[dict[str, object]] = []
+    of_each = []
     for seed in _TOWS:
         with filmed_tow(seed) as (source, camera):
-            cells += ({"seed": seed} | cell for cell in rows(source, camera, FAULTS, _MIDDLE, judged=False))
-    table = pd.DataFrame(cells)
+            of_each.append(_table(source, camera, _MIDDLE))
+    table = pd.concat(of_each)
     found = _totals(table)
     for _, own in table.groupby("fault", sort=False):
         name, counts = _name(own.iloc[0]), Counter(own.poses)
@@ -79,9 +90,8 @@ def _of_tows() -> Values:
         if own.rms_mm.notna().any():
             found[f"{name}, off"] = float(np.nanmedian(own.rms_mm))
         often = Counter(code for codes in own.codes for code in codes)
-        found[f"{name}, findings"] = (
-            ", ".join(code for code, count in often.most_common() if 2 * count >= len(own)) or "none"
-        )
+        if codes := [code for code, count in often.most_common() if 2 * count >= len(own)]:
+            found[f"{name}, findings"] = ", ".join(codes)
     return found
 
 
@@ -89,32 +99,46 @@ def _of_boards() -> Values:
     """Difference of positions that faults of the calibration make, what is stated there [mm], and findings."""
     found: dict[str, float | str] = {}
     codes: dict[str, dict[str, None]] = {}
-    for cell in cells(_CAMPAIGN):
+    for cell in calibration_faults.cells(_CAMPAIGN):
         name = f"{cell.fault}, {cell.strength}"
         found |= {name: "refused"} if cell.refused else {name: cell.off_mm, f"{name}, stated": cell.stated_mm}
         codes.setdefault(cell.fault, {}).update(dict.fromkeys(cell.codes))
-    return found | {f"{fault}, findings": ", ".join(sorted(each)) or "none" for fault, each in codes.items()}
+    return found | {f"{fault}, findings": ", ".join(sorted(each)) for fault, each in codes.items() if each}
 
 
 def _of_lab_c() -> Values:
     """How many faults at their middle strength ended in each way on another program's footage; which are silent."""
     with filmed(f"{shared_folder() / 'footage' / 'lab_c'}:g:8") as (source, camera):
-        table = pd.DataFrame(rows(source, camera, FAULTS, _MIDDLE, judged=False))
-    silent = table[table.poses == "silently wrong"]
-    found = _totals(table) | {f"{_name(cell)}, error over what is allowed": cell.worst for _, cell in silent.iterrows()}
-    return found | {"silently wrong": ", ".join(silent.fault) or "none"}
+        table = _table(source, camera, _MIDDLE)
+    return _totals(table)
 
 
-_REFUSES = {"the tracker refuses every film": replaced(track, "run", _refused)}
+_LEFT_OUT = replaced(_HERE, "FAULTS", lambda faults: [left_out(each) for each in faults])
+_CONTROLS = {
+    "the faults are left out": _LEFT_OUT,
+    "the faults are left out, and poses are 20 mm to one side": both(
+        _LEFT_OUT, replaced(track, "track", result_of(aside))
+    ),
+}
 
-OF_RUN = Check(_of_run, {"nothing is corrected": uncorrected} | _REFUSES)
-OF_TOWS = Check(_of_tows, _REFUSES)
+OF_RUN = Check(_of_run, _CONTROLS)
+OF_TOWS = Check(_of_tows, _CONTROLS)
+OF_LAB_C = Check(_of_lab_c, _CONTROLS, needs=("footage/lab_c",))
+
+
+def _halved(found: UncertaintyMap) -> UncertaintyMap:
+    return replace(found, covariance_m2=found.covariance_m2 / 4)
+
+
 OF_BOARDS = Check(
     _of_boards,
     {
         "the floor behind held boards is not looked at": replaced(
             calibrating, "as_floor_shows", lambda _: lambda observed, *_given: (observed, {}, ())
-        )
+        ),
+        "the faults are left out, and what is stated is half as much": both(
+            replaced(calibration_faults, "calibrated", lambda right: lambda folder, *_: right(folder, FAULTS[0], 1)),
+            replaced(calibration_faults, "uncertainty_map", result_of(_halved)),
+        ),
     },
 )
-OF_LAB_C = Check(_of_lab_c, _REFUSES, needs=("footage/lab_c",))

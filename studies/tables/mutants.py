@@ -1,10 +1,11 @@
 """Which tuned constants the tests notice: each is halved and doubled, and the tests that read it run.
 
-    python -m studies.tables.mutants [MODULE ...] [--jobs 2] [--seconds 4] [--tests 'test_*.py'] [--sample 20 --seed 1]
+    python -m studies.tables.mutants [MODULE ...] [--jobs 2] [--seconds 30] [--tests 'test_*.py'] [--sample 20 --seed 1]
 
 A first pass runs the tests of both rooms without a change and keeps which test reads which constant, and how long it
-takes. Then each mutant runs in a forked process, its quickest test first, up to the first that fails. Integers stay
-integers. ``MODULE`` is all constants of a module, or one: ``klt`` or ``klt.points``.
+takes. Then each mutant runs in a forked process up to the first test that fails: those of limits and of its module
+first, each the quickest first. Integers stay integers. ``MODULE`` is all constants of a module, or one: ``klt`` or
+``klt.points``.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ import pytest
 
 from towval.commands.console import errors_reported
 from towval.model.constants import constants_of
+from towval.model.errors import InputError
 
 ROOMS = ("towval.tracking", "towval.calibration")
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -33,7 +35,21 @@ SLOW = ("test_real_clips.py",)
 """Files of tests that are left out: footage that is not everybody's."""
 
 FACTORS = (0.5, 2.0)
-SECONDS = 4.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Asked:
+    """What to try: ``modules``, or all for none; files of ``tests``; a sample of ``size`` constants by ``seed``.
+
+    Zero for all of them. Tests that take more processor time than ``seconds`` are left out; ``jobs`` run at once.
+    """
+
+    modules: tuple[str, ...] = ()
+    tests: str = "test_*.py"
+    size: int = 0
+    seed: int = 1
+    jobs: int = 2
+    seconds: float = 30.0
 
 
 Place = tuple[str, str]
@@ -119,34 +135,51 @@ def stratified(names: dict[Place, list[str]], size: int, seed: int) -> list[tupl
     return [named for _, named in sorted(ranked, key=lambda pair: pair[0])][: size or None]
 
 
-def first_pass(modules: list[str], pattern: str, size: int, seed: int) -> tuple[list[Mutant], Watch]:
-    """Mutants of some modules, or of all, and what the tests of both rooms read; compiles what is compiled."""
+def first_pass(asked: Asked) -> tuple[list[Mutant], Watch]:
+    """The mutants, and what the tests of both rooms read; compiles what is compiled.
+
+    Raises
+    ------
+    InputError
+        A test fails without any mutant.
+    """
     watch, names = Watch(), {}
     for room in ROOMS:
         for module, constants in constants_of(room).items():
             own = [field.name for field in dataclasses.fields(constants)]
-            asked = [name for name in own if not modules or {module, f"{module}.{name}"} & {*modules}]
-            if asked:
-                names[room, module] = asked
+            chosen = [name for name in own if not asked.modules or {module, f"{module}.{name}"} & {*asked.modules}]
+            if chosen:
+                names[room, module] = chosen
                 watch.observe(module, constants)
     mutants = [
         Mutant(room, module, name, factor)
-        for (room, module), name in stratified(names, size, seed)
+        for (room, module), name in stratified(names, asked.size, asked.seed)
         for factor in FACTORS
     ]
     folders = [REPOSITORY / "tests" / room.rpartition(".")[2] for room in dict.fromkeys(room for room, _ in names)]
-    run([str(f) for folder in folders for f in sorted(folder.glob(pattern)) if f.name not in SLOW], watch)
+    run([str(f) for folder in folders for f in sorted(folder.glob(asked.tests)) if f.name not in SLOW], watch)
+    if watch.failed:
+        raise InputError("a test fails without any mutant", got=watch.failed, remedy="mend it first")
     return mutants, watch
 
 
-def tried(mutants: list[Mutant], watch: Watch, jobs: int, seconds: float) -> Iterator[tuple[Mutant, str]]:
-    """Each mutant with the first test that notices it, of those that take no more processor time than ``seconds``."""
+def outcomes(asked: Asked) -> Iterator[tuple[Mutant, str]]:
+    """Each mutant with the first test that notices it; empty where none does."""
+    os.chdir(REPOSITORY)
+    mutants, watch = first_pass(asked)
     work = []
     for mutant in mutants:
-        readers = sorted(watch.readers[mutant.module, mutant.name], key=lambda test: watch.seconds[test])
-        work.append((mutant, [test for test in readers if test and watch.seconds[test] <= seconds]))
-    with multiprocessing.get_context("fork").Pool(jobs, maxtasksperchild=1) as pool:
+        readers = watch.readers[mutant.module, mutant.name]
+        ranked = sorted(readers, key=lambda test: (not _likely(test, mutant.module), watch.seconds[test]))
+        work.append((mutant, [test for test in ranked if test and watch.seconds[test] <= asked.seconds]))
+    with multiprocessing.get_context("fork").Pool(asked.jobs, maxtasksperchild=1) as pool:
         yield from pool.imap(noticed_by, work, chunksize=1)
+
+
+def _likely(test: str, module: str) -> bool:
+    """Whether a test was written for limits, or for a module."""
+    file = test.partition("::")[0]
+    return file.endswith(("_limits.py", f"test_{module}.py"))
 
 
 @errors_reported()
@@ -154,24 +187,20 @@ def main() -> None:
     """Print the table, and the share that the tests notice."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("modules", nargs="*")
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument(
-        "--seconds", type=float, default=SECONDS, help="tests that take more processor time are left out"
-    )
-    parser.add_argument("--tests", default="test_*.py", help="files of tests, as test_*_limits.py for a quick look")
+    usual = Asked()
+    parser.add_argument("--jobs", type=int, default=usual.jobs)
+    parser.add_argument("--seconds", type=float, default=usual.seconds, help="of processor time that a test may take")
+    parser.add_argument("--tests", default=usual.tests, help="files of tests, as test_*_limits.py for a quick look")
     parser.add_argument("--sample", type=int, default=0, help="so many constants instead of all, from all modules")
-    parser.add_argument("--seed", type=int, default=1, help="of that sample")
+    parser.add_argument("--seed", type=int, default=usual.seed, help="of that sample")
     given = parser.parse_args()
-    os.chdir(REPOSITORY)
-    mutants, watch = first_pass(given.modules, given.tests, given.sample, given.seed)
-    if watch.failed:
-        parser.error(f"{watch.failed} fails without any mutant")
-    survived = 0
-    for mutant, test in tried(mutants, watch, given.jobs, given.seconds):
-        survived += not test
+    asked = Asked(tuple(given.modules), given.tests, given.sample, given.seed, given.jobs, given.seconds)
+    survived = tried = 0
+    for mutant, test in outcomes(asked):
+        tried, survived = tried + 1, survived + (not test)
         verdict = f"noticed by {test}" if test else "survived"
         print(f"{mutant.module}.{mutant.name} x {mutant.factor:g}: {verdict}", flush=True)
-    print(f"{len(mutants) - survived} of {len(mutants)} noticed")
+    print(f"{tried - survived} of {tried} noticed")
 
 
 if __name__ == "__main__":
