@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -49,15 +49,19 @@ def _name(cell: pd.Series) -> str:
     return f"{cell.fault}, {cell.strength:g} {cell.unit}".strip()
 
 
+def _joined(words: Iterable[str]) -> str:
+    return ", ".join(dict.fromkeys(words)) or "none"
+
+
 def _totals(table: pd.DataFrame) -> dict[str, float | str]:
-    """How many cells ended in each way, which are silently wrong, and their largest error over what is allowed."""
+    """How many cells ended in each way, which are silently wrong, and the largest error of each over the allowed."""
     counts = Counter(table.poses)
     found: dict[str, float | str] = {f"all, {outcome}": float(counts[outcome]) for outcome in OUTCOMES}
-    silent: dict[str, float] = {}
-    for _, cell in table[table.poses == "silently wrong"].iterrows():
-        silent[_name(cell)] = max(silent.get(_name(cell), 0.0), cell.worst)
-    found["silently wrong"] = ", ".join(silent) or "none"
-    return found | {f"{name}, error over what is allowed": worst for name, worst in silent.items()}
+    worst: dict[str, float] = {}
+    for _, cell in table.iterrows():
+        worst[_name(cell)] = max(worst.get(_name(cell), 0.0), cell.worst)
+    found["silently wrong"] = _joined(_name(cell) for _, cell in table[table.poses == "silently wrong"].iterrows())
+    return found | {f"{name}, error over the allowed": over for name, over in worst.items()}
 
 
 def _of_run() -> Values:
@@ -71,8 +75,7 @@ def _of_run() -> Values:
             found[_name(cell)] = "refused" if refused else cell.poses
             if not refused:
                 found[f"{_name(cell)}, off"] = cell.rms_mm
-        if codes := dict.fromkeys(code for codes in own.codes for code in codes):
-            found[f"{fault}, findings"] = ", ".join(codes)
+        found[f"{fault}, findings"] = _joined(code for codes in own.codes for code in codes)
     return found
 
 
@@ -90,8 +93,7 @@ def _of_tows() -> Values:
         if own.rms_mm.notna().any():
             found[f"{name}, off"] = float(np.nanmedian(own.rms_mm))
         often = Counter(code for codes in own.codes for code in codes)
-        if codes := [code for code, count in often.most_common() if 2 * count >= len(own)]:
-            found[f"{name}, findings"] = ", ".join(codes)
+        found[f"{name}, findings"] = _joined(code for code, count in often.most_common() if 2 * count >= len(own))
     return found
 
 
@@ -103,7 +105,7 @@ def _of_boards() -> Values:
         name = f"{cell.fault}, {cell.strength}"
         found |= {name: "refused"} if cell.refused else {name: cell.off_mm, f"{name}, stated": cell.stated_mm}
         codes.setdefault(cell.fault, {}).update(dict.fromkeys(cell.codes))
-    return found | {f"{fault}, findings": ", ".join(sorted(each)) for fault, each in codes.items() if each}
+    return found | {f"{fault}, findings": _joined(sorted(each)) for fault, each in codes.items()}
 
 
 def _of_lab_c() -> Values:

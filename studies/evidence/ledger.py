@@ -11,7 +11,7 @@ import enum
 import importlib.util
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -46,8 +46,7 @@ class Effort(enum.StrEnum):
     WHOLE = "whole"
     """With ``snakemake evidence``."""
     LONG = "long"
-    """When it is asked for by ``--config long=[GROUP]``; without a check by hand, with the command of the row, whose
-    date and commit stand in the table."""
+    """When it is asked for by ``--config long=[GROUP]``."""
 
 
 @dataclass(frozen=True)
@@ -118,9 +117,8 @@ class Group:
     """Statements that one computation decides.
 
     ``says`` what is stated; ``data`` on what; ``shares`` what the truth shares with the program, if anything;
-    ``command`` makes the numbers by hand; ``check`` is a reference ``module:NAME``. A long group may have none: then
-    ``control`` says what a wrong program would give, and ``last`` when and at which commit it was last run by hand.
-    ``conditions`` are numbers of the documents that are no results.
+    ``command`` makes the numbers by hand; ``check`` is a reference ``module:NAME``; ``conditions`` are numbers of the
+    documents that are no results.
     """
 
     name: str
@@ -129,12 +127,10 @@ class Group:
     effort: Effort
     data: str
     command: str
+    check: str
     statements: tuple[Statement, ...]
-    check: str = ""
     shares: str = ""
     note: str = ""
-    control: str = ""
-    last: Mapping[str, str] = field(default_factory=dict)
     conditions: tuple[str, ...] = ()
 
 
@@ -155,19 +151,11 @@ def _group(name: str, entry: Mapping[str, Any]) -> Group:
         statements = tuple(_statement(key, value) for key, value in keys.pop("states").items())
         kind, effort = EvidenceClass(keys.pop("class")), Effort(keys.pop("effort"))
         conditions = tuple(str(keys.pop("conditions", "")).split())
-        last = {key: str(value) for key, value in keys.pop("last", {}).items()}
-        group = Group(name, kind=kind, effort=effort, statements=statements, conditions=conditions, last=last, **keys)
+        return Group(name, kind=kind, effort=effort, statements=statements, conditions=conditions, **keys)
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(
             f"the group {name} of the ledger cannot be read", got=str(error), remedy="mend rows.yaml"
         ) from None
-    if not group.check and group.effort is not Effort.LONG:
-        raise InputError(f"the group {name} is not long and has no check", remedy="mend rows.yaml")
-    if bool(group.check) == bool(group.last and group.control):
-        raise InputError(
-            f"the group {name} has neither a check nor a date and a control by hand, or both", remedy="mend rows.yaml"
-        )
-    return group
 
 
 def made_now(groups: Mapping[str, Group], efforts: Iterable[Effort], long: Iterable[str]) -> dict[str, Group]:
@@ -176,18 +164,17 @@ def made_now(groups: Mapping[str, Group], efforts: Iterable[Effort], long: Itera
     Raises
     ------
     InputError
-        A name is not that of a long group with a check.
+        A name is not that of a long group.
     """
-    able = {name: group for name, group in groups.items() if group.check}
     named, chosen = set(long), set(efforts)
     if not named:
-        return {name: group for name, group in able.items() if group.effort in chosen}
-    known = {name for name, group in able.items() if group.effort is Effort.LONG}
+        return {name: group for name, group in groups.items() if group.effort in chosen}
+    known = {name for name, group in groups.items() if group.effort is Effort.LONG}
     if named - known:
         raise InputError(
             "there is no such long check", got=", ".join(sorted(named - known)), allowed=", ".join(sorted(known))
         )
-    return {name: able[name] for name in able if name in named}
+    return {name: group for name, group in groups.items() if name in named}
 
 
 def _statement(name: str, text: str) -> Statement:

@@ -21,22 +21,21 @@ Made by `snakemake evidence` from `studies/evidence/rows.yaml`; do not edit. The
 number about accuracy, cost or coverage stands in README or on a page of the documentation only with a group here: a
 test compares both. Numbers of a set-up, of what was found at another time, and what follows from a row (an interval of
 a count) may stand in the words of the group alone. Pages that a command of their own makes are left out, and say when
-they were made: the [claims of the paper](claims.md), the [map of camera faults](camera_faults.md) and the
-[five scenes](scenes.md), of which the first table is a group here.
+they were made: the [claims of the paper](claims.md) and the [five scenes](scenes.md), of which the first table is a
+group here.
 
 - *Class* says how far the truth is from us: real data of others, another program, our own synthetic worlds, or a cost.
 - *Holds* is the stated number's tolerance against what was measured at the date and commit given; a plus behind the
   commit: files differed from it. Where the data or a program is not at hand, and for what takes too long, the last
   outcome stands. *Changed since* counts the files of the check, and of all that it imports, which differ from that
   commit as this page is written, by a word or by a method: 0 is an outcome of the present code; –: that commit is not
-  known any more, or the group is made by hand.
+  known any more.
 - Any of a group's numbers is measured again, with or without a fault, by `python -m studies.evidence.show GROUP`;
   *command* is what a user would run for the like.
 - *Control* plants a fault and decides the row again; "noticed" where the row then fails, as it must; None: the number
   is not made then, which is no notice. A fault's words say where it is: in the program, in what is given to it, or in
   the result as it is read, which shows no more than that the row can fail. Long checks are not made with the others but
   when asked for, `snakemake evidence --config long=[GROUP]`.
-  Groups that are made by hand say in words what a wrong program would give: no run decides that.
 """
 
 
@@ -89,7 +88,7 @@ def _one_row_a_line(found: Mapping[str, Mapping[str, Any]]) -> str:
 
 def _as_planted_now(group: Group, before: Mapping[str, Any]) -> dict[str, Any]:
     """What was known of a group, without outcomes of faults that its check does not plant any more."""
-    planted = set(loaded(group.check).faults) if group.check else set()
+    planted = set(loaded(group.check).faults)
     rows = [
         row | {"controls": [each for each in row["controls"] if each["fault"] in planted]} if "controls" in row else row
         for row in before.get("rows", ())
@@ -107,7 +106,7 @@ def judged(group: Group, outcomes: Sequence[Mapping[str, Any]], before: Mapping[
                 row["holds"] = each.holds(row["measured"])
                 row["controls"] = [was | {"noticed": _noticed(each, was["measured"])} for was in row["controls"]]
         last = {key: before[key] for key in ("date", "commit", "machine", "cpu_s") if key in before}
-        return {"effort": str(group.effort), "class": str(group.kind), **last, **group.last, "rows": rows}
+        return {"effort": str(group.effort), "class": str(group.kind), **last, "rows": rows}
     as_is, *faulty = outcomes
     rows = []
     for each in group.statements:
@@ -132,7 +131,7 @@ def _noticed(each: Statement, measured: float | str | None) -> bool:
 
 def _age(group: Group, found: Mapping[str, Any]) -> dict[str, Any]:
     """How many files have changed since an outcome was made, where that can be told."""
-    changed = changed_since(found["commit"], group.check) if group.check and "commit" in found else None
+    changed = changed_since(found["commit"], group.check) if "commit" in found else None
     return {} if changed is None else {"changed_files": changed}
 
 
@@ -156,7 +155,7 @@ def _stated(each: Any) -> dict[str, Any]:
 def markdown(groups: Mapping[str, Group], found: Mapping[str, Mapping[str, Any]]) -> str:
     """The ledger as Markdown: counts by class, a line a group, then each group's rows."""
     rows = [(groups[name], row) for name, group in found.items() for row in group["rows"]]
-    head = ("class", "groups", "rows", "hold", "of them by the present code", "do not", "as last made by hand")
+    head = ("class", "groups", "rows", "hold", "of them by the present code", "do not", "never made")
     lines = [_HEAD, f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
     for kind in EvidenceClass:
         own = [(group, row) for group, row in rows if group.kind is kind]
@@ -183,9 +182,8 @@ def _overview(group: Group, found: Mapping[str, Any]) -> str:
     holding = sum(bool(row.get("holds")) for row in rows) if any("holds" in row for row in rows) else "–"
     noticing = sum(any(control["noticed"] for control in row.get("controls", ())) for row in rows)
     cells = (
-        f"[{group.name}](#{group.name.replace('_', '-')})", group.kind, group.effort if group.check else "by hand",
-        len(rows), holding,
-        noticing if group.check else "see there", found.get("date", "never"), found.get("commit", "–"),
+        f"[{group.name}](#{group.name.replace('_', '-')})", group.kind, group.effort, len(rows), holding, noticing,
+        found.get("date", "never"), found.get("commit", "–"),
         found.get("changed_files", "–"),
     )  # fmt: skip
     return f"| {' | '.join(str(cell) for cell in cells)} |"
@@ -197,15 +195,13 @@ def _section(group: Group, found: Mapping[str, Any]) -> list[str]:
     lines += [f"- Shared with the program: {group.shares}"] if group.shares else []
     when = f"{found.get('date', 'never')}, commit {found.get('commit', '–')}"
     when += f", on {found['machine']}" if "machine" in found else ""
-    by = "" if group.check else " by hand: too long to be made each time"
-    if group.check and group.effort is Effort.LONG:
+    by = ""
+    if group.effort is Effort.LONG:
         by = f" by its own command, `snakemake evidence --config long=[{group.name}]`"
     lines += [
         f"- Made{by}: {when}" + (f", {found['cpu_s']:g} s of CPU time with its controls." if "cpu_s" in found else ".")
     ]
     lines += [f"- Command: `{group.command}`"]
-    if group.control:
-        lines += [f"- Control: {group.control}"]
     lines += ["", group.note.strip()] if group.note else []
     faults = list(dict.fromkeys(c["fault"] for row in found["rows"] for c in row.get("controls", ())))
     lines += ["", f"| statement | stated | holds within | measured |{''.join(f' {fault} |' for fault in faults)}"]
@@ -217,7 +213,7 @@ def _row(row: Mapping[str, Any], faults: Sequence[str]) -> str:
     mark = "" if row.get("holds", True) else " **does not hold**"
     controls = {control["fault"]: control for control in row.get("controls", ())}
     cells = [row["name"], f"{row['stated']} {row['unit']}".strip(), row["tolerance"]]
-    cells.append(f"{_number(row['measured'])}{mark}" if "measured" in row else "by hand")
+    cells.append(f"{_number(row['measured'])}{mark}" if "measured" in row else "never made")
     for fault in faults:
         control = controls.get(fault)
         cells.append(

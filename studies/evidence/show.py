@@ -39,9 +39,8 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _group(name: str) -> tuple[Group, Check]:
     groups = read_groups()
-    if name not in groups or not groups[name].check:
-        able = ", ".join(name for name, group in groups.items() if group.check)
-        raise InputError("there is no such group with a check", got=name, allowed=able)
+    if name not in groups:
+        raise InputError("there is no such group", got=name, allowed=", ".join(groups))
     check: Check = loaded(groups[name].check)
     if missing := check.missing(shared_folder()):
         raise InputError(

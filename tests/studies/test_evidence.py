@@ -37,8 +37,8 @@ CHECK = Check(
 )
 MISTAKEN = Check(_measure, {"it has no length": replaced(WORLD, "length", result_of(lambda length: length.missing))})
 GROUP = Group(
-    "bar", "How long it is, tilted by 20°.", EvidenceClass.OWN, Effort.QUICK, "A bar.", "measure",
-    (Statement("length", "2.0", "m", "within", 0.1), Statement("colour", "red", "", "is")), check=f"{__name__}:CHECK",
+    "bar", "How long it is, tilted by 20°.", EvidenceClass.OWN, Effort.QUICK, "A bar.", "measure", f"{__name__}:CHECK",
+    (Statement("length", "2.0", "m", "within", 0.1), Statement("colour", "red", "", "is")),
 )  # fmt: skip
 
 
@@ -258,7 +258,7 @@ def test_what_a_document_states_without_a_row_is_found(old, new, what):
     assert what in wrong[0]
 
 
-@pytest.mark.parametrize("name", [name for name, group in GROUPS.items() if group.check])
+@pytest.mark.parametrize("name", GROUPS)
 def test_every_check_has_faults_that_can_be_planted(name):
     """What they replace is found by name: a rename showed only when the check ran."""
     check = loaded(GROUPS[name].check)
@@ -279,52 +279,29 @@ def test_the_ledger_in_the_documents_is_that_of_the_table(repository):
 
 def test_every_row_that_was_made_holds_and_has_a_control_that_fails(repository):
     found = json.loads((repository / "docs" / "evidence.json").read_text(encoding="utf-8"))["groups"]
-    made = {name: group for name, group in found.items() if GROUPS[name].check and "date" in group}
+    made = {name: group for name, group in found.items() if "date" in group}
     assert len(made) > 10
     assert [fault for name, group in made.items() for fault in faults_of(name, group)] == []
 
 
 def test_long_checks_are_made_when_they_are_asked_for():
-    groups = {
-        name: replace(GROUP, name=name, effort=effort, check=check)
-        for name, effort, check in (
-            ("bar", Effort.QUICK, "a:B"), ("rod", Effort.WHOLE, "a:B"), ("lap", Effort.LONG, "a:B"),
-            ("hand", Effort.LONG, ""),
-        )
-    }  # fmt: skip
+    efforts = {"bar": Effort.QUICK, "rod": Effort.WHOLE, "lap": Effort.LONG}
+    groups = {name: replace(GROUP, name=name, effort=effort) for name, effort in efforts.items()}
     assert list(made_now(groups, [Effort.QUICK], ())) == ["bar"]
     assert list(made_now(groups, [Effort.QUICK, Effort.WHOLE], ())) == ["bar", "rod"]
     assert list(made_now(groups, [Effort.QUICK, Effort.WHOLE], ["lap"])) == ["lap"]
-    for wrong in ("hand", "bar", "none"):
+    for wrong in ("bar", "none"):
         with pytest.raises(InputError, match=wrong):
             made_now(groups, [Effort.QUICK], [wrong])
 
 
-def test_the_page_tells_long_checks_from_what_is_made_by_hand():
-    long = replace(GROUP, effort=Effort.LONG)
-    by_hand = replace(long, name="rod", check="", control="None.", last={"date": "today"})
-    groups = {"bar": long, "rod": by_hand}
+def test_the_page_tells_long_checks_from_the_others():
+    groups = {"bar": replace(GROUP, effort=Effort.LONG), "rod": replace(GROUP, name="rod")}
     page = markdown(groups, {"bar": {"cpu_s": 600.0, "rows": []}, "rod": {"rows": []}})
     assert "took 0 minutes of CPU time" in page
     assert "when asked for, took 10 more" in page
     assert "Made by its own command, `snakemake evidence --config long=[bar]`" in page
-    assert "Made by hand" in page
-    assert "| [rod](#rod) | own synthetic | by hand |" in page
-
-
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [("effort: long", "effort: quick"), ("  control: a\n", ""), ("  control: a\n", "  control: a\n  check: a:B\n")],
-)
-def test_a_group_has_a_check_or_says_its_control_and_date(tmp_path, old, new):
-    text = "bar:\n  says: x\n  class: cost\n  effort: long\n  data: d\n  command: c\n  control: a\n"
-    text += "  last: {date: '2026-11-24'}\n  states: {length: 2 m at most}\n"
-    path = tmp_path / "rows.yaml"
-    path.write_text(text, encoding="utf-8")
-    assert read_groups(path)["bar"].last
-    path.write_text(text.replace(old, new), encoding="utf-8")
-    with pytest.raises(InputError, match="the group bar"):
-        read_groups(path)
+    assert "- Made: never" in page
 
 
 def test_a_table_that_cannot_be_read_is_refused_by_name(tmp_path):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from towval.model.geometry import path_length
-from towval.tracking.noise import as_when_moving, hold_rest, scatter_factors, steadied
+from towval.tracking.noise import as_when_moving, hold_rest, local_scatter, scatter_factors, steadied
 
 MOST = np.array([2e-4, 2e-4, 1e-3])
 
@@ -33,6 +33,65 @@ def test_a_gap_is_no_scatter():
     time_s, pose, covariance = arc(np.random.default_rng(1))
     pose[100:140] = np.nan
     assert max(scatter_factors(time_s, pose, covariance, np.ones(len(pose), dtype=bool))) < 1.2
+
+
+def widened(time_s, pose, covariance):
+    """How many times as large the deviation of a place is with the scatter around each picture (n,)."""
+    return np.sqrt(1 + local_scatter(time_s, pose, covariance)[:, 0, 0] / covariance[:, 0, 0])
+
+
+@pytest.mark.parametrize(("alike", "told"), [(0.0, (0.95, 1.25)), (0.5, (0.95, 1.25)), (0.8, (0.6, 0.85))])
+def test_noise_that_goes_on_for_some_pictures_is_stated_as_large_as_it_is(alike, told):
+    """Autoregressive noise, four times as large as stated; of one that is much alike a part passes for motion."""
+    rng = np.random.default_rng(3)
+    time_s, pose, covariance = arc(rng, n=4000, std=0.0)
+    noise = 2e-4 * rng.standard_normal(pose.shape)
+    for k in range(1, len(noise)):
+        noise[k] = alike * noise[k - 1] + np.sqrt(1 - alike**2) * noise[k]
+    low, high = told
+    assert low < np.sqrt(np.mean(widened(time_s, pose + noise, covariance) ** 2)) / 4 < high
+
+
+def test_noise_counts_where_it_is():
+    rng = np.random.default_rng(4)
+    time_s, pose, covariance = arc(rng)
+    pose[150:250] += 3e-4 * rng.standard_normal((100, 3))
+    times = widened(time_s, pose, covariance)
+    assert np.median(times[165:235]) > 4
+    assert np.median(times[:130]) < 1.3
+    assert max(scatter_factors(time_s, pose, covariance, np.ones(len(pose), dtype=bool))) < 2
+
+
+def test_a_picture_that_a_codec_leaves_behind_is_as_unsure_as_it_is_late():
+    time_s, pose, covariance = arc(np.random.default_rng(5))
+    pose[200, 0] -= 2e-3
+    times = widened(time_s, pose, covariance)
+    assert 20 < times[200] < 60
+    assert times[202] < 0.7 * times[200]
+    assert np.median(times) < 1.2
+
+
+@pytest.mark.parametrize(
+    "path", [lambda t: 0.3 * np.maximum(0, t - 5) ** 2, lambda t: 0.03 * np.sin(4 * t)], ids=["sets off", "goes round"]
+)
+def test_motion_is_no_noise(path):
+    time_s, pose, covariance = arc(np.random.default_rng(7))
+    pose[:, 0] += path(time_s)
+    assert np.percentile(widened(time_s, pose, covariance), 90) < 1.7
+
+
+def test_a_few_pictures_a_second_are_no_noise():
+    """A drive of three pictures a second: a quadratic through five of them misses it by centimetres."""
+    time_s, pose, covariance = arc(np.random.default_rng(8), std=0.0)
+    drive = 0.3 * np.sin(1.5 * time_s[::8])
+    pose = pose[::8] + np.column_stack([drive, 0 * drive, 0 * drive])
+    assert np.median(widened(time_s[::8], pose, covariance[::8])) < 1.1
+
+
+@pytest.mark.parametrize("count", [1, 4, 8])
+def test_few_pictures_add_no_scatter(count):
+    time_s, pose, covariance = arc(np.random.default_rng(9), n=8)
+    assert not local_scatter(time_s[:count], pose[:count], covariance[:count]).any()
 
 
 def test_a_still_body_adds_no_path():

@@ -21,7 +21,7 @@ from towval.tracking.floor_registration import Registered
 from towval.tracking.follow import Follower
 from towval.tracking.klt import KltTracker, _flow
 from towval.tracking.light import evened, light_misfit
-from towval.tracking.noise import hold_rest, scatter_factors
+from towval.tracking.noise import hold_rest, local_scatter, scatter_factors
 from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, pose_from_clicks, stretches_of
 from towval.tracking.outline_search import OutlineSearch
 from towval.tracking.planar_target import PlanarTarget
@@ -669,6 +669,16 @@ def test_what_grows_with_the_window_as_motion_does_is_no_noise(monkeypatch, grow
     monkeypatch.setattr(noise_module, "_scatter", lambda *given: np.full(2, 1.5 * (growth if given[-1] == 9 else 1.0)))
     factors = scatter_factors(np.arange(9.0), np.zeros((9, 3)), np.zeros((9, 3, 3)), np.ones(9, dtype=bool))
     assert factors == pytest.approx((1.5 * growth if noise else 1.5,) * 2)
+
+
+@pytest.mark.parametrize(("deviations", "counts"), [(3.5, False), (5.5, True)])
+def test_a_picture_off_by_itself_counts_from_four_deviations_on(deviations, counts):
+    """Its distance from the quadratic is half of that, and as unsure as that half says."""
+    time_s, std_m = np.arange(60) / 25, 5e-5
+    pose = np.column_stack([0.1 * time_s, 0 * time_s, 0 * time_s])
+    pose[30, 0] += deviations * std_m
+    added = local_scatter(time_s, pose, np.tile(std_m**2 * np.eye(3), (60, 1, 1)))
+    assert (added[30, 0, 0] > 4 * std_m**2) == counts
 
 
 def rests(pose, rate_hz=25.0, std=3e-5):

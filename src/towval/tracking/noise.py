@@ -1,7 +1,8 @@
 """Noise of a finished track from its scatter in time, and bodies at rest.
 
 Compression moves a whole body by a fraction of a pixel and leaves no trace in the residuals of a picture. It shows in
-time: real bodies move smoothly over five pictures, noise does not.
+time: real bodies move smoothly over five pictures, noise does not. A codec that is short of bits leaves a body behind
+for some pictures and lets it catch up, here and there: that shows beside the picture, and not in the whole track.
 """
 
 from dataclasses import dataclass
@@ -27,6 +28,8 @@ class NoiseConstants:
     least_rest_pictures: int = 6  # For a trend to show.
     trend_deviations: float = 3.5  # Of a slope, beyond which a body creeps: by chance once in 2,000 rests.
     neighbours: int = 25  # Pictures in which noise is alike: one knows its own to a quarter, with few edges to a half.
+    most_alike: float = 0.8  # Correlation of successive pictures, at most: 0.95 grows by 1 % more than 0.8.
+    lone_deviations: float = 3.0  # Of a picture that is off by itself: by chance once in 400.
 
 
 CONSTANTS = NoiseConstants()
@@ -75,28 +78,114 @@ def _scatter(time_s: Array, pose: Array, covariance: Array, moving: NDArray[np.b
     return np.sqrt([np.median(square) / MEDIAN_CHI_SQUARED_3, np.median(of_turn) / _MEDIAN_CHI_SQUARED_1])
 
 
+def local_scatter(time_s: Array, pose: Array, covariance: Array) -> Array:
+    """Covariance (n, 3, 3) by which poses scatter in time around each picture beyond their ``covariance`` (n, 3, 3).
+
+    The noise is that of an autoregressive process: its correlation from picture to picture follows from how the scatter
+    about quadratics grows from five to nine pictures, and tells how much of it a quadratic through five takes away.
+    What grows more is real motion, and adds nothing. A single picture that is off by itself counts in full.
+
+    ``pose`` (n, 3) is NaN where not observed; pictures between which a body does not move say nothing.
+    """
+    added = np.zeros_like(covariance)
+    moving = np.asarray(np.diff(pose, axis=0, append=np.nan).any(axis=1))
+    own, of_nine = (_squares(time_s, pose, window, moving) for window in _WINDOWS)
+    # The growth is that of the same pictures; near a gap there are windows of five only.
+    both = np.isfinite(of_nine)
+    growth = _growth(*(_means_around(np.where(both, one, np.nan)) for one in (own, of_nine, covariance)))
+    short, stated = _means_around(own), _means_around(np.where(np.isnan(own), np.nan, covariance))
+    is_noise = growth < CONSTANTS.growth_of_noise**2
+    rows = np.flatnonzero(is_noise & np.isfinite(short)[:, 0, 0])
+    kept = _kept_by_quadratics(growth[rows])[:, None, None]
+    added[rows] = beyond(short[rows] / kept, stated[rows], 1 / kept[..., 0])
+    alone = np.where(both[:, 0, 0], _growth(own, of_nine, covariance), growth)
+    rows = np.flatnonzero((alone < CONSTANTS.growth_of_noise**2) & np.isfinite(own)[:, 0, 0])
+    added[rows] += beyond(own[rows], covariance[rows] + added[rows], CONSTANTS.lone_deviations**2)
+    return added
+
+
+def _squares(time_s: Array, pose: Array, window: int, moving: NDArray[np.bool_]) -> Array:
+    """Squares (n, 3, 3) of distances from quadratics, as large as those of independent noise; NaN without a window."""
+    misfit, rows, gain = about_quadratics(time_s, pose, window, moving, most=len(pose))
+    squares = np.full((len(pose), 3, 3), np.nan)
+    squares[rows] = misfit[:, :, None] * misfit[:, None, :] / gain[:, None, None]
+    return squares
+
+
+def _means_around(values: Array) -> Array:
+    """Means (n, 3, 3) of what is known in the pictures around each; NaN where that is too little."""
+    known = np.isfinite(values)
+    sums = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(np.where(known, values, 0.0), axis=0)])
+    count = np.concatenate([[0], np.cumsum(known[:, 0, 0])])
+    beside, picture = CONSTANTS.neighbours // 2, np.arange(len(values))
+    low, high = np.maximum(picture - beside, 0), np.minimum(picture + beside + 1, len(values))
+    enough = np.where(count[high] - count[low] > beside // 2, count[high] - count[low], np.nan)
+    return np.asarray((sums[high] - sums[low]) / enough[:, None, None])
+
+
+def _growth(short: Array, long: Array, stated: Array) -> Array:
+    """Ratios (n,) of the sizes of second moments (n, 3, 3), in those that are stated; NaN where one is not known."""
+    ratio, known = np.full(len(short), np.nan), np.isfinite(short + long + stated)[:, 0, 0]
+    of_long, of_short = (
+        np.trace(np.linalg.solve(stated[known], seen[known]), axis1=1, axis2=2) for seen in (long, short)
+    )
+    ratio[known] = of_long / np.maximum(of_short, np.finfo(float).tiny)
+    return ratio
+
+
+def _kept_by_quadratics(growth: Array) -> Array:
+    """Share (n,) of the variance of autoregressive noise in the scatter about quadratics through five pictures.
+
+    ``growth`` (n,) of that scatter from five to nine pictures, each over that of independent noise.
+    """
+    correlation, kept = np.linspace(0, CONSTANTS.most_alike, 41), []
+    for window in _WINDOWS:
+        row = np.arange(window)
+        kernel = _kernel(np.linspace(-0.5, 0.5, window)[None])[0]
+        together = correlation[:, None, None] ** np.abs(row[:, None] - row)
+        kept.append(np.einsum("i,cij,j->c", kernel, together, kernel) / (kernel @ kernel))
+    return np.asarray(np.interp(growth, kept[1] / kept[0], kept[0]))
+
+
+def beyond(seen: Array, expected: Array, least: Array | float) -> Array:
+    """What second moments (n, 3, 3) have beyond the expected ones, in the directions where they are ``least`` times.
+
+    ``least`` is one for all or (n, 1).
+    """
+    root = np.linalg.cholesky(expected)
+    half = np.linalg.solve(root, seen)
+    size, axes = np.linalg.eigh(np.linalg.solve(root, half.transpose(0, 2, 1)))
+    factor = root @ (axes * np.sqrt(np.where(size > least, size - 1, 0.0))[:, None, :])
+    return np.asarray(factor @ factor.transpose(0, 2, 1))
+
+
 def about_quadratics(
-    time_s: Array, pose: Array, window: int, counts: NDArray[np.bool_] | None = None
+    time_s: Array, pose: Array, window: int, counts: NDArray[np.bool_] | None = None, *, most: int = 5000
 ) -> tuple[Array, NDArray[np.int64], Array]:
     """Distances (m, 3) of poses (n, 3) from the quadratic through ``window`` pictures around each, and which these are.
 
-    Only pictures that count are taken, whose windows hold no gap (NaN), and of many an even choice. The last is the
-    variance (m,) that independent noise of one leaves in them.
+    Only pictures that count are taken, whose windows hold no gap (NaN), and of more than ``most`` an even choice. The
+    last is the variance (m,) that independent noise of one leaves in them.
     """
     half = window // 2
     rows = np.arange(half, len(time_s) - half)
     if counts is not None:
         rows = rows[counts[rows]]
-    rows = rows[:: max(1, len(rows) // 5000)]
+    rows = rows[:: max(1, len(rows) // most)]
     index = rows[:, None] + np.arange(-half, half + 1)
     known = np.isfinite(pose[index, 0]).all(axis=1)
     rows, index = rows[known], index[known]
     t = (time_s[index] - time_s[rows][:, None]) / (time_s[index[:, -1]] - time_s[index[:, 0]])[:, None]
-    basis = np.stack([np.ones_like(t), t, t * t], axis=-1)
-    # Row 0 of the pseudo-inverse gives the fitted value at the middle, where t = 0.
-    kernel = -np.linalg.pinv(basis)[:, 0, :]
-    kernel[:, half] += 1
+    kernel = _kernel(t)
     return np.einsum("nk,nkj->nj", kernel, pose[index]), rows, np.sum(kernel**2, axis=1)
+
+
+def _kernel(t: Array) -> Array:
+    """Weights (m, k) of the poses at times (m, k) in the distance of the middle one, at t = 0, from their quadratic."""
+    # Row 0 of the pseudo-inverse gives the fitted value there.
+    kernel = -np.linalg.pinv(np.stack([np.ones_like(t), t, t * t], axis=-1))[:, 0, :]
+    kernel[:, t.shape[1] // 2] += 1
+    return np.asarray(kernel)
 
 
 def as_when_moving(covariance: Array, moving: NDArray[np.bool_], resting: NDArray[np.bool_]) -> Array:

@@ -20,7 +20,7 @@ from towval.model.compiling import compiled
 from towval.model.geometry import compose, turned_covariance
 from towval.model.tracks import stretches
 from towval.tracking.noise import CONSTANTS as NOISE
-from towval.tracking.noise import MEDIAN_CHI_SQUARED_3, about_quadratics
+from towval.tracking.noise import MEDIAN_CHI_SQUARED_3, about_quadratics, beyond
 from towval.tracking.outline import OutlineFit, observe_outline
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Tracker, moved, step_between
@@ -230,26 +230,17 @@ def texture_excess(time_s: Array, apart: Array, expected: Array, looks: Looks) -
     bounded = apart * np.minimum(1.0, 2 * beside / np.maximum(size, 1e-12))[:, None]
     squares = bounded[:, :, None] * bounded[:, None, :]
     # What shifts an outline (a strip of its side, a line of the floor beside it) stays for a while: many looks are one.
-    return _beyond(_means(squares, low, high), _means(expected, low, high), CONSTANTS.disagree**2)
+    return beyond(_means(squares, low, high), _means(expected, low, high), CONSTANTS.disagree**2)
 
 
 def alone(apart: Array, expected: Array) -> Array:
     """The same (m, 3, 3) for single pictures, in which either the texture or the outline is wrong."""
-    return _beyond(apart[:, :, None] * apart[:, None, :], expected, CONSTANTS.alone**2)
+    return beyond(apart[:, :, None] * apart[:, None, :], expected, CONSTANTS.alone**2)
 
 
 def _sizes(apart: Array, expected: Array) -> Array:
     """Sizes (m,) of differences (m, 3) in their deviations."""
     return np.asarray(np.sqrt(np.einsum("ni,ni->n", apart, np.linalg.solve(expected, apart[..., None])[..., 0])))
-
-
-def _beyond(seen: Array, expected: Array, least: float) -> Array:
-    """What second moments (n, 3, 3) have beyond the expected ones, in the directions where they are ``least`` times."""
-    root = np.linalg.cholesky(expected)
-    half = np.linalg.solve(root, seen)
-    size, axes = np.linalg.eigh(np.linalg.solve(root, half.transpose(0, 2, 1)))
-    factor = root @ (axes * np.sqrt(np.where(size > least, size - 1, 0.0))[:, None, :])
-    return np.asarray(factor @ factor.transpose(0, 2, 1))
 
 
 def _means(values: Array, low: Array, high: Array) -> Array:
