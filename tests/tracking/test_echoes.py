@@ -122,6 +122,15 @@ def test_what_a_codec_leaves_of_faint_texture_is_no_echo(echo, told):
     assert bool(_kept(np.tile(row, (20, 1)))) == told
 
 
+@pytest.mark.parametrize(("std", "told"), [(0.0133, True), (0.02, False)])
+def test_an_echo_is_beyond_what_is_usual_by_three_deviations_of_its_scatter(std, told):
+    """One of 0.12, where 0.07 are usual; twenty pictures that differ as much as leaves that deviation."""
+    information = 1000 * np.eye(2)
+    vector = information @ [0.2, 0.12]
+    rows = [[*information.ravel(), vector[0], vector[1] + sign * 1000 * std * 20**0.5, 0.0] for sign in (-1, 1)]
+    assert bool(_kept(np.tile(rows, (10, 1)))) == told
+
+
 @pytest.mark.parametrize(("kept", "found"), [(0.0, 0.0), (0.6, 0.5)])
 @pytest.mark.parametrize("seed", range(3))
 def test_noise_is_no_echo_where_it_exceeds_the_fine_texture(seed, kept, found):

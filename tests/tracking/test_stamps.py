@@ -385,6 +385,11 @@ def test_sound_and_pictures_are_as_long_to_a_hundredth(heard_s, found):
     assert [one.code for one in rate_findings(1 / 25, None, 200.0, heard_s)] == found
 
 
+@pytest.mark.parametrize(("heard_s", "found"), [(20.4, []), (20.6, ["rate_contradicted"])])
+def test_sound_and_pictures_of_a_short_film_end_within_half_a_second(heard_s, found):
+    assert [one.code for one in rate_findings(1 / 25, None, 20.0, heard_s)] == found
+
+
 @pytest.mark.parametrize(("heard_s", "fps", "found"), [
     (48.0, 25.0, []), (48.0, None, ["rate_unconfirmed"]), (50.0, 25.0, ["rate_contradicted"]), (-1.0, 25.0, []),
     (62.0, 25.0, ["rate_contradicted"]),

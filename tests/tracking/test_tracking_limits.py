@@ -20,7 +20,7 @@ from towval.tracking.camera_motion import CameraMotion
 from towval.tracking.floor_registration import Registered
 from towval.tracking.follow import Follower
 from towval.tracking.klt import KltTracker, _flow
-from towval.tracking.light import evened, light_misfit
+from towval.tracking.light import evened, light_misfit, without_dead
 from towval.tracking.noise import hold_rest, local_scatter, scatter_factors
 from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, pose_from_clicks, stretches_of
 from towval.tracking.outline_search import OutlineSearch
@@ -85,6 +85,14 @@ def test_a_tile_as_faint_as_the_noise_keeps_a_gain_near_one():
     # The least-squares gain is 0.5; a prior of one, give or take a half, at residuals of 4 draws it to about 0.7.
     gain = 0.5 + np.sqrt(light_misfit(values, template, tile, 1, weight, 4.0) / 80)
     assert 0.65 < gain < 0.8
+
+
+@pytest.mark.parametrize(("dead", "replaced"), [(40, False), (65, True)])
+def test_a_twenty_thousandth_of_the_pixels_may_be_dead(dead, replaced):
+    luma = np.full((1000, 1000), 100, dtype=np.uint8)
+    at = 10 + 100 * np.arange(dead)
+    luma[10 + 10 * (at // 1000), at % 1000] = 255
+    assert (without_dead(luma).max() == 100) == replaced
 
 
 # Template and alignment

@@ -97,19 +97,15 @@ class FloorRegistration:
     """The floor as the first picture ``luma`` shows it, and where it is in others.
 
     ``hidden``: outlines (n, 2) [m] on the floor within which bodies hide it there. ``worst_std_px`` is the deviation of
-    the floor's shift beyond which it is not known. :attr:`template` is None where there is too little texture, or the
-    horizon is in the picture.
+    the floor's shift beyond which it is not known, None for that of the constants. :attr:`template` is None where there
+    is too little texture, or the horizon is in the picture.
     """
 
     def __init__(
-        self,
-        camera: Camera,
-        floor: Floor,
-        luma: Luma,
-        hidden: tuple[Array, ...],
-        worst_std_px: float = CONSTANTS.worst_std_px,
+        self, camera: Camera, floor: Floor, luma: Luma, hidden: tuple[Array, ...], worst_std_px: float | None = None
     ):
-        self.camera, self.floor, self.worst_std_px = camera, floor, worst_std_px
+        self.camera, self.floor = camera, floor
+        self.worst_std_px = CONSTANTS.worst_std_px if worst_std_px is None else worst_std_px
         self.template: Template | None = None
         outline = _visible_floor(camera, floor)
         if outline is None:
