@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from towval.cli import main
-from towval.commands import verify
+from towval.commands import exchange, verify
 from towval.commands.console import errors_reported
 from towval.commands.run_folder import check_spared
 from towval.io.atomic import write_text
@@ -219,6 +219,29 @@ def test_a_video_of_any_name_is_a_file_of_the_lab(tmp_path):
     with pytest.raises(InputError, match=r"files\.sha256 is missing") as error:
         verify.run(results)
     assert "overlay.mp4" not in str(error.value)
+
+
+def test_films_of_one_name_in_two_folders_are_told_apart(tmp_path, monkeypatch):
+    """The file for viewers recorded a film by its bare name, and counted as made of another run's of that name."""
+    lab, results = tmp_path / "lab", tmp_path / "results"
+    shutil.copytree(SAMPLE, lab)
+    (lab / "films").mkdir()
+    (lab / "films" / "a.mp4").write_bytes((lab / "a.mp4").read_bytes() + b"\0\0\0\x08free")
+    text = (lab / "campaign.yaml").read_text(encoding="utf-8")
+    (lab / "campaign.yaml").write_text(f"{text.rstrip()}\n  b:\n    video: films/a.mp4\n", encoding="utf-8")
+    assert load_campaign(lab).runs["b"].video == lab / "films" / "a.mp4"
+    monkeypatch.setattr(exchange, "read_calibration", lambda _: None)
+    monkeypatch.setattr(exchange, "read_run", lambda *_: None)
+    monkeypatch.setattr(exchange, "named", lambda *_: {})
+    monkeypatch.setattr(exchange, "write_run_file", lambda path, *others: write_mcap(path, [], {}, others[-1]))
+    output = results / "b" / "exchange.mcap"
+    exchange.run(lab, "b", results / "camera.mcap", output.parent, output)
+    with pytest.raises(InputError, match="no results") as error:
+        verify.run(results, lab)
+    assert "is not the file of which b/exchange.mcap was made" not in str(error.value)
+    (lab / "films" / "a.mp4").write_bytes((lab / "a.mp4").read_bytes())
+    with pytest.raises(InputError, match=r"films/a\.mp4 is not the file of which b/exchange\.mcap was made"):
+        verify.run(results, lab)
 
 
 def test_a_full_disk_leaves_what_was_there(tmp_path):
