@@ -2,15 +2,16 @@
 
 import math
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import towval
-from report_scenes import LOST, towed_run, uncertainty_of
+from report_scenes import LOST, small_calibration, towed_run, uncertainty_of
 from towval.io.manifest import MANIFEST
 from towval.io.provenance import module_hash, provenance
-from towval.io.records import write_comparison, write_simulated, write_tracks, write_uncertainty
+from towval.io.records import write_calibration, write_comparison, write_simulated, write_tracks, write_uncertainty
 from towval.model.errors import InputError
 
 
@@ -89,6 +90,20 @@ def test_files_of_a_run_that_were_not_made_of_each_other_are_refused(lab, tmp_pa
     (place / "compare.mcap").unlink()
     write_comparison(place / "compare.mcap", run.comparison, run.object_track, run.simulated, made_of)
     with pytest.raises(InputError, match=r"compare\.mcap does not belong to the others"):
+        towval.load(tmp_path / "lab")
+
+
+def test_runs_of_another_camera_are_refused(lab, tmp_path):
+    """Its findings had been given as theirs."""
+    shutil.copytree(lab[0], tmp_path / "lab")
+    run, camera, track = lab[1]["a"], tmp_path / "lab" / "camera.mcap", tmp_path / "lab" / "a" / "track.mcap"
+    write_calibration(camera, small_calibration(), {})
+    track.unlink()
+    made_of = provenance("track", {}, {"camera.mcap": camera}, run="a")
+    write_tracks(track, {"rover": run.rover_track, "object": run.object_track}, made_of)
+    assert len(towval.load(tmp_path / "lab").summary) == 2
+    write_calibration(camera, replace(small_calibration(), corner_noise_px=0.5), {})
+    with pytest.raises(InputError, match=r"track\.mcap does not belong(.|\n)*made from another camera\.mcap"):
         towval.load(tmp_path / "lab")
 
 

@@ -44,7 +44,7 @@ def load(*folders: Path | str) -> Results:
 
     ``folders`` of results are such as ``results/lab_a``, with ``camera.mcap`` and a folder for each run. Runs whose
     comparison is not there yet are left out. Raises `InputError` when a folder is missing or holds no result of a run,
-    or files of a run were not made of each other.
+    or files of a run were not made of each other and of that camera.
 
     Examples
     --------
@@ -92,7 +92,9 @@ class _Part:
 
     def __init__(self, campaign: str, name: str, folder: Path):
         self.campaign, self.name = campaign, name
-        check_together({each: folder / each for each in _FILES})
+        camera = folder.parent / "camera.mcap"
+        files = {each: folder / each for each in _FILES} | ({camera.name: camera} if camera.is_file() else {})
+        check_together(files)
         self.comparison = read_comparison(folder / "compare.mcap")
         self._tracks = read_tracks(folder / "track.mcap")
         self._simulated = read_simulated(folder / "simulate.mcap")
