@@ -16,6 +16,7 @@ from towval.commands.plan import run, run_tow
 from towval.io.mcap_file import read_mcap
 from towval.io.plan_files import JOINT_NAMES, read_path, read_tow, write_plan_csv, write_plan_mcap
 from towval.io.records import read_simulated
+from towval.io.records.details import findings_in
 from towval.io.schema import check, packaged_schema
 from towval.model import Sliding, TimedPath
 from towval.model.errors import InputError
@@ -217,6 +218,15 @@ def test_the_commands_plan_a_curve_and_tow_behind_the_recorded_rover(tmp_path):
     # The recording starts the object at rest, the plan at the nominal velocity: the tether soon makes them one.
     gap = read_simulated(towed).pose[-1] - _last_object_pose(tmp_path / "line.csv")
     assert np.abs(gap[:2]).max() < 1e-4
+
+
+def test_the_file_of_a_plan_says_what_the_command_says_of_it(tmp_path):
+    """It held no finding at all, and who drives by it read none."""
+    scene = quick_plan()
+    scene["planner"]["look_ahead_steps"] = 10**6
+    planned = run(scene, "line", tmp_path / "line.mcap", tmp_path / "line.csv")
+    assert "look_ahead_exceeds_path" in {found.code for found in planned.findings}
+    assert findings_in(read_mcap(tmp_path / "line.mcap").details["findings"]) == planned.findings
 
 
 def test_a_path_shorter_than_two_steps_of_the_planner_is_refused(tmp_path):

@@ -161,6 +161,7 @@ def test_a_tow_starts_as_near_as_friction_holds_the_object_at_rest(tmp_path, lon
     plan, towed = quick_plan(), tmp_path / "t.mcap"
     outcome = run_tow(plan, beginning(tmp_path / "a.mcap", plan["tether"]["rest_length_m"] + longer_m), towed)
     assert [found.code for found in outcome.findings] == codes
+    assert read_simulated(towed).findings == outcome.findings  # the file had only those of the integration
     weight_n = 9.81 * plan["cube"]["mass_kg"]
     pull_n = np.hypot(*read_simulated(towed).tether_force.T)
     assert pull_n[0] <= 1.25 * plan["friction"]["static"] * weight_n + 1e-6

@@ -75,7 +75,8 @@ def run(
         raise RefusedError(f"the rover does not arrive: {loop.rover.outcome}", remedy=loop.rover.advice)
     inputs = {} if wanted in given.curves else {Path(wanted).name: Path(wanted)}
     lab_document = lab.document if lab else None
-    write_plan_mcap(output, loop.rover, loop.towed, provenance("plan", document, inputs, document=lab_document))
+    planned = replace(loop.rover, findings=found)
+    write_plan_mcap(output, planned, loop.towed, provenance("plan", document, inputs, document=lab_document))
     write_plan_csv(csv, loop.rover, loop.towed)
     limited = loop.rover.case != PlanCase.A
     off = {"object_rms_mm": 1e3 * loop.object_rms, "hinge_rms_mm": 1e3 * loop.rover.rms}
@@ -147,13 +148,14 @@ def run_tow(
     start, nearer = start_at_rest(*towing, hinge[0], measured)
     motion = recorded_tow(*towing, TimedPath(times, hinge), start)
     across = tether_across(lab.scene, lab.object, motion) if lab else []
+    motion = replace(motion, findings=(*nearer, *gap_findings(times, hinge), *motion.findings, *across))
     lab_document = lab.document if lab else None
     write_simulated(output, motion, provenance("tow", document, {recording.name: recording}, document=lab_document))
     moved_m = path_length(motion.pose[:, :2])
     text = f"{motion.outcome}; the object moves {moved_m:.2f} m in {np.ptp(times):.1f} s"
     files = (output, *_mapped(map_file, hinge, motion, given))
     numbers = {"outcome": motion.outcome, "path_length_m": moved_m}
-    return Outcome("tow", files, text, numbers, (*nearer, *gap_findings(times, hinge), *motion.findings, *across))
+    return Outcome("tow", files, text, numbers, motion.findings)
 
 
 def _refuse_decimated(recording: Path) -> None:

@@ -10,7 +10,7 @@ import pandas as pd
 from towval.io import ros
 from towval.io.atomic import check_own, check_plain, replacing
 from towval.io.mcap_file import McapContent, Message, read_mcap, write_mcap
-from towval.io.records.details import planar_poses
+from towval.io.records.details import planar_poses, rows_of
 from towval.model import Array, SimulatedMotion, TimedPath
 from towval.model.conventions import NANOSECONDS_PER_SECOND
 from towval.model.errors import InputError
@@ -28,7 +28,8 @@ def write_plan_mcap(path: FilePath, plan: RoverPlan, towed: SimulatedMotion, pro
     """Write a plan as MCAP: poses of the rover, its joints, the tow wrench and the object behind it.
 
     ``/rover/pose`` PoseWithCovarianceStamped, ``/rover/joint_states`` JointState, ``/object/pose_simulated``
-    PoseStamped, ``/tether/wrench`` WrenchStamped and ``/tf``, all in the frame ``floor``.
+    PoseStamped, ``/tether/wrench`` WrenchStamped and ``/tf``, all in the frame ``floor``; details hold the findings of
+    the ``plan``.
     """
     details = {
         "outcome": str(plan.outcome),
@@ -36,6 +37,7 @@ def write_plan_mcap(path: FilePath, plan: RoverPlan, towed: SimulatedMotion, pro
         "rover_rms_m": plan.rms,
         "case": "".join(PlanCase(case).name for case in plan.case),
         "wheels": list(WHEEL_NAMES),
+        "findings": rows_of(plan.findings),
     }
     write_mcap(path, [*_rover_messages(plan), *_object_messages(towed)], details, provenance)
 
