@@ -63,6 +63,15 @@ def test_a_constant_shift_is_measured_exactly(measured):
     np.testing.assert_allclose(result.along_across[10], [0.004, -0.003], atol=1e-8)
 
 
+def test_an_object_that_was_seen_in_one_frame_is_not_judged(make_track):
+    """Its path has no best rigid motion, and the stage ended in words of that."""
+    once = make_track(straight, body="object", duration_s=9.6, lost=range(1, N))
+    result = compare("a", simulated(once, np.array([0.003, 0.004, 0.0])), once, known())
+    assert result.verdict == Verdict.NOT_JUDGED
+    assert result.final_error_m == pytest.approx(0.005, abs=1e-3)
+    assert np.isnan(result.aligned_rms_m)
+
+
 def test_a_small_error_agrees(measured):
     result = compare("a", simulated(measured, np.array([0.001, 0.0005, 0.0])), measured, known())
     assert result.verdict == Verdict.AGREES

@@ -81,9 +81,12 @@ def aligned_rms(simulated: ArrayLike, measured: ArrayLike) -> float:
 
     It hides every error that a shift and a turn of the floor frame explain; so it is shown with the unaligned one.
 
-    ``simulated``, ``measured`` (n, 2): positions at the same times [m], all finite, two or more that do not coincide.
+    ``simulated``, ``measured`` (n, 2): positions at the same times [m], all finite. NaN for fewer than two: a single
+    one is brought anywhere.
     """
     simulated, measured = np.asarray(simulated, dtype=np.float64), np.asarray(measured, dtype=np.float64)
+    if len(simulated) < 2:
+        return float("nan")
     return rms_length(transform(rigid_fit(simulated, measured), simulated) - measured)
 
 
