@@ -214,6 +214,13 @@ def test_lost_frames_are_bridged_and_told(make_track):
     assert np.abs(thin.poses_at(track.time_s) - arc(track.time_s)).max() < 1e-3
 
 
+def test_frames_lost_before_and_after_all_others_are_not_bridged(make_track):
+    """A body that leaves the picture: the curve ends there, and was said to bridge it by a gap of one step."""
+    thin = decimate(make_track(arc, lost=[*range(10), *range(250, 300)]))
+    assert [finding.code for finding in thin.findings] == ["decimated"]
+    assert thin.time_s[-1] == pytest.approx(249 / 25)
+
+
 def stop(t):
     """At 0.13 m/s to a stand at 5 s, within 0.2 s."""
     along = 0.13 * np.where(t < 4.8, t, np.where(t > 5, 4.9, t - (t - 4.8) ** 2 / 0.4))

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
-from towval.model import Array, DecimatedTrack, Finding, Track, TrackStatus
+from towval.model import Array, DecimatedTrack, Finding, Track
 from towval.model.conventions import FEWEST_FRAMES
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
@@ -402,8 +402,8 @@ def _findings(track: Track, seen: NDArray[np.int64], kept: NDArray[np.int64], re
     if worst > 6:
         t = track.time_s[seen][np.abs(residual).max(axis=1).argmax()]
         findings.append(finding("decimate_outlier", body=track.body, time_s=t, deviations=worst))
-    missing = np.count_nonzero(track.status != TrackStatus.TRACKED)
+    missing = np.ptp(seen) + 1 - len(seen)
     if missing:
-        longest = float(np.diff(track.time_s[seen]).max()) if len(seen) > 1 else 0.0
+        longest = np.diff(track.time_s[seen]).max()
         findings.append(finding("decimate_bridged", body=track.body, count=missing, gap_s=longest))
     return tuple(findings)
