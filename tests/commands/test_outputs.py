@@ -8,6 +8,7 @@ import subprocess
 import sys
 from importlib import resources
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -290,6 +291,39 @@ def test_results_never_go_into_the_campaign_or_over_files_of_the_lab(tmp_path):
     with pytest.raises(InputError, match="repeats 'xy' twenty times"):
         check_results(tmp_path / "out", {"lab_" + 30 * "xy": Lab(lab)})
     check_results(tmp_path / "out", {"a<b c>" + 15 * "x": Lab(lab)})
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "report.html",
+        "summary.csv",
+        "identify.csv",
+        "identify.mcap",
+        "a/simulate.mcap",
+        "a/exchange.mcap",
+        "a/rerun.rbl",
+    ],
+)
+def test_the_workflow_replaces_no_file_of_others(name, tmp_path):
+    """Snakemake removes what a rule is about to make, and so files of others, before the stage could refuse to."""
+    lab, mine = Lab(tmp_path / "lab"), tmp_path / "out" / "lab" / name
+    lab.runs = {"a": SimpleNamespace(video=tmp_path / "a.mp4")}
+    mine.parent.mkdir(parents=True)
+    mine.write_text("mine")
+    with pytest.raises(InputError, match=f"{mine.name} is not replaced(.|\\n)*towval did not make"):
+        check_results(tmp_path / "out", {"lab": lab})
+
+
+def test_results_that_single_stages_made_are_replaced(tmp_path):
+    """Without the workflow's logs or a list of files."""
+    lab, results = Lab(tmp_path / "lab"), tmp_path / "out" / "lab"
+    lab.runs = {"a": SimpleNamespace(video=tmp_path / "a.mp4")}
+    for name in ("identify.mcap", "a/track.mcap", "a/exchange.mcap"):
+        write_mcap(results / name, [], {}, {})
+    write_layouts(results / "a")
+    (results / "identify.csv").write_text("parameter,given,\n")
+    check_results(tmp_path / "out", {"lab": lab})
 
 
 def test_a_folder_that_snakemake_cannot_write_is_refused_by_name(tmp_path):

@@ -13,6 +13,7 @@ from towval.io.campaign import Campaign
 from towval.io.mcap_file import is_own
 from towval.io.provenance import file_hash
 from towval.io.reading import check_name, is_folder, is_plain_file, read_bytes
+from towval.model.conventions import STAGES_OF_RUN
 from towval.model.errors import InputError
 
 MANIFEST = "files.sha256"
@@ -134,12 +135,24 @@ def check_results(results: Path, campaigns: Mapping[str, Campaign]) -> None:
                 got=folder,
                 remedy="set another folder as results",
             )
-        made = [folder / "camera.mcap", *(folder / run / "track.mcap" for run in campaign.runs)]
-        for path in made:
-            if is_plain_file(path) and not is_own(path):
-                raise not_ours(path)
+        _check_others(folder, campaign.runs)
+
+
+def _check_others(folder: Path, runs: Iterable[str]) -> None:
+    """Refuse files of others where the results of a campaign are to be made; raises `InputError`."""
+    of_runs = [folder / run for run in runs]
+    results = [folder / "camera.mcap", folder / "identify.mcap"]
+    results += [run / f"{stage}.mcap" for run in of_runs for stage in (*STAGES_OF_RUN, "exchange")]
+    there = [path for path in results if is_plain_file(path)]
+    others = [path for path in there if not is_own(path)]
+    # The workflow writes logs, and `towval report` by hand a list: where there are these, all else is ours.
+    if not ((folder / "logs").is_dir() or (is_plain_file(folder / MANIFEST) and _is_list(folder / MANIFEST))):
         figures = folder / "figures"
-        # The workflow writes logs, and `towval report` by hand a list.
-        made_here = (folder / "logs").is_dir() or (is_plain_file(folder / MANIFEST) and _is_list(folder / MANIFEST))
-        if is_folder(figures) and any(figures.iterdir()) and not made_here:
-            raise not_ours(figures)
+        others += [figures] if is_folder(figures) and any(figures.iterdir()) else []
+        beside = [(folder / "identify.mcap", "identify.csv")]
+        beside += [(run / "exchange.mcap", name) for run in of_runs for name in ("lichtblick.json", "rerun.rbl")]
+        alone = [folder / "report.html", folder / "summary.csv", folder / MANIFEST]
+        alone += [made.with_name(name) for made, name in beside if made not in there]
+        others += [path for path in alone if is_plain_file(path)]
+    if others:
+        raise not_ours(others[0])
