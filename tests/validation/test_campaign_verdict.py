@@ -92,6 +92,13 @@ def test_a_run_far_beyond_the_limit_is_named():
     assert found.sentence == "All runs together disagree (1 % false alarms over 4 runs), because of c."
 
 
+def test_a_run_within_the_tolerance_is_not_why_all_disagree():
+    tests = [with_keys(each) for each in drawn(5)]
+    found = campaign_verdict([run("a", 3.0, tests[0]), run("b", 3.0, tests[1], upper=0.02), run("c", 0.5, tests[2])])
+    assert found.beyond == ("a", "b")
+    assert found.sentence.endswith("because of b.")  # and a had been named, which agrees by itself
+
+
 def test_runs_that_were_not_judged_are_not_among_those_that_agree():
     judged = run("a", 0.5, with_keys(drawn(6)[0]))
     found = campaign_verdict([judged, run("b", 0.5, judged.drawn_tests, verdict=Verdict.NOT_JUDGED)])

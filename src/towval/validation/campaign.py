@@ -47,9 +47,8 @@ def campaign_verdict(comparisons: Sequence[Comparison], confidence: float = 0.99
     bound = rounded_up(1e3 * max(c.error_upper_m for c in judged), 1)
     who = "All runs" if len(judged) == len(comparisons) else "The judged runs"
     level = f"{100 * (1 - confidence):.3g} % false alarms over {len(judged)} run{'s' * (len(judged) != 1)}"
-    excuse = {c.run for c in judged if excused(c.warnings.split())}
-    blamed = [run for run in beyond if run not in excuse]
-    if set(blamed) & set(mattering):
+    blamed = [c.run for c in judged if c.run in beyond and c.run in mattering and not excused(c.warnings.split())]
+    if blamed:
         verdict = Verdict.DISAGREES
         sentence = f"{who} together disagree ({level}), because of {', '.join(blamed)}"
     elif mattering or unsure:
