@@ -14,7 +14,7 @@ from studies.worlds.measured import measured_track
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
 from towval.io.campaign import load_campaign
 from towval.io.video import Video
-from towval.model import Board
+from towval.model import Board, TrackStatus
 from towval.model.errors import RefusedError
 from towval.model.geometry import lifted
 from towval.optics.plane_uncertainty import pixel_grid
@@ -25,7 +25,7 @@ from towval.selection.margin import measurement_std_m
 from towval.selection.sample_points import track_selecting
 from towval.selection.simulation import TOLERANCES_M, simulate_selecting
 from towval.selection.tracking import TRACK_SAMPLES, neighbour_of_tracking
-from towval.tracking.track import TrackSettings, track
+from towval.tracking.track import TrackSettings, track, track_beside
 from towval.validation.decimate import decimate
 from towval.validation.simulate import SimulateSettings, simulate
 
@@ -145,6 +145,30 @@ def test_the_number_of_points_whose_path_can_be_simulated_is_taken(filmed, monke
     known = known_as(calibration, given.bodies, 10.0)
     settings, _ = track_selecting(frames, *known, clicks, TrackSettings(), given.scene)
     assert settings.samples == samples
+
+
+def test_points_that_lose_a_body_earlier_are_not_enough(filmed, monkeypatch):
+    """As long as both saw it their paths were alike, which was all that was compared."""
+    given, calibration, frames, clicks = filmed
+
+    def lose(one):
+        gone = np.arange(len(one.time_s)) >= len(one.time_s) // 2
+        return replace(
+            one,
+            pose=np.where(gone[:, None], np.nan, one.pose),
+            covariance=np.where(gone[:, None, None], np.nan, one.covariance),
+            status=np.where(gone, TrackStatus.LOST, one.status),
+        )
+
+    def beside(*known):
+        fewer, more = track_beside(*known)
+        return [fewer | {"object": lose(fewer["object"])}, more]
+
+    monkeypatch.setattr("towval.selection.sample_points.track_beside", beside)
+    known = known_as(calibration, given.bodies, 10.0)
+    settings, tracks = track_selecting(frames, *known, clicks, TrackSettings(), given.scene)
+    assert settings.samples == TRACK_SAMPLES[-1]
+    assert tracks["object"].seen.all()
 
 
 def test_a_run_that_cannot_be_simulated_is_tracked_all_the_same(filmed):

@@ -35,9 +35,9 @@ def track_selecting(
 
     All of :data:`TRACK_SAMPLES` follow the bodies through the whole video, in one pass, and both tracks drive the
     simulation of ``scene``: stick and slip may amplify their difference, which no part of a run shows. The smaller
-    number is taken where neither a measured path nor the simulated one moves by more than a third of the measurement
-    uncertainty. ``decimation`` and ``simulation`` are the settings of these stages, by default their own; the other
-    parameters are those of :func:`towval.tracking.track.track`.
+    number is taken where it loses no body more often, and neither a measured path nor the simulated one moves by more
+    than a third of the measurement uncertainty. ``decimation`` and ``simulation`` are the settings of these stages, by
+    default their own; the other parameters are those of :func:`towval.tracking.track.track`.
 
     Returns the settings taken, and the tracks by body.
     """
@@ -50,13 +50,15 @@ def track_selecting(
         for body in bodies
     }
     moved = {name: apart_m(tracks[name], finer[name]) for name in tracks}
+    # Paths are compared where both saw the body: fewer points must see it for as long.
+    seen = all(np.count_nonzero(tracks[name].seen) >= np.count_nonzero(finer[name].seen) for name in tracks)
 
     def simulated(found: Mapping[str, Track]) -> SimulatedMotion:
         thin = {name: decimate(found[name], decimation) for name in ("rover", "object")}
         return simulate(scene, thin["rover"], thin["object"], found["object"].time_s, simulation)
 
     carried = _carried(simulated, tracks, finer)
-    enough = all(moved[name] <= limit for name, limit in limits.items()) and not carried > limits["object"]
+    enough = seen and all(moved[name] <= limit for name, limit in limits.items()) and not carried > limits["object"]
     taken, other = (cheap, fine) if enough else (fine, cheap)
     names = tracking_name(taken), tracking_name(other)
     choices = {name: [Choice("tracking", *names, change, "RMS of the measured path")] for name, change in moved.items()}
