@@ -1,12 +1,16 @@
 """Folders of results as the workflow leaves them, with details and provenance but no messages."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 
 from towval.io.mcap_file import write_mcap
 from towval.model.conventions import STAGES_OF_RUN
 
 COMPARED = {"run": "a", "verdict": "agrees", "path_rms_m": 0.0015, "u_val_m": 0.003, "lost_frames": 2, "findings": []}
+
+SHARES = {"stiffness": 0.3, "friction": 0.1, "noise and interactions": 0.6}
+"""What no single input explains has a share, too, and is no input."""
 
 
 def make_run(
@@ -16,6 +20,7 @@ def make_run(
     version: str = "1.0.0",
     video: str = "00",
     friction: str = "00",
+    shares: Mapping[str, float] = SHARES,
     **compared: object,
 ):
     provenance = {
@@ -30,8 +35,7 @@ def make_run(
             row = {"severity": "warning", "code": "blur", "text": "Blurred."}
             details = {"object": {"findings": [row]}, "rover": {"findings": []}}
         if stage == "uncertainty":
-            # What no single input explains has a share, too, and is no input.
-            details["shares"] = {"stiffness": 0.3, "friction": 0.1, "noise and interactions": 0.6}
+            details["shares"] = dict(shares)
         if stage == "compare":
             details = {**COMPARED, **compared}
         write_mcap(folder / f"{stage}.mcap", [], details, provenance)

@@ -27,6 +27,13 @@ def test_a_run_is_a_row_with_findings_inputs_and_costs(tmp_path):
     assert set(index.inputs["input"]) == {"a.mp4", "track.mcap", "campaign.yaml: friction"}
 
 
+def test_no_input_is_the_main_one_where_none_has_a_share(tmp_path):
+    """With fewer draws than it takes to tell: the first by name had been, with 0 %."""
+    make_run(tmp_path / "lab" / "a", shares={"stiffness": 0.0, "friction": 0.0, "noise and interactions": 1.0})
+    row = read_results([tmp_path]).runs.iloc[0]
+    assert (row.main_input, row.main_share) == ("", None)
+
+
 def test_a_folder_of_one_campaign_is_found_as_well(tmp_path):
     make_run(tmp_path / "lab" / "a")
     (tmp_path / "lab" / "figures").mkdir()

@@ -155,11 +155,9 @@ def _rows_of(run: Path, camera: _Stage | None) -> Iterator[tuple[str, tuple[Any,
         yield from (("inputs", (stage, name, digest)) for name, digest in hashes.items())
         yield "settings", (stage, provenance.get("settings", "{}"))
     compared = details.get("compare", {})
-    # What no input explains alone has a share, too.
-    shares = {
-        name: share for name, share in details.get("uncertainty", {}).get("shares", {}).items() if name in _INPUTS
-    }
-    main = max(shares, key=lambda name: shares[name] or 0.0, default="")
+    # What no input explains alone has a share, too; of few draws that is all.
+    shares = details.get("uncertainty", {}).get("shares", {})
+    main = max((name for name in shares if name in _INPUTS and shares[name]), key=shares.get, default="")
     provenance = next((content[1] for content in reversed(made.values())), {})
     yield (
         "runs",
