@@ -279,6 +279,17 @@ def test_a_missing_file_and_one_of_another_stage_are_told(tmp_path, simulated):
         records.read_calibration(tmp_path / "simulate.mcap")
 
 
+def test_a_body_that_a_file_does_not_hold_is_told(track, tmp_path):
+    """A track of one body, as of another program: the stage that asked for the other one ended with a traceback."""
+    records.write_tracks(tmp_path / "track.mcap", {"object": track}, PROVENANCE)
+    records.write_decimated(tmp_path / "decimate.mcap", {"object": decimate(track)}, PROVENANCE)
+    for read, name in ((records.read_tracks, "track.mcap"), (records.read_decimated, "decimate.mcap")):
+        found = read(tmp_path / name)
+        assert list(found) == ["object"]
+        with pytest.raises(InputError, match=rf"{name} holds no track of the rover\n  got: object"):
+            found["rover"]
+
+
 def test_a_failed_write_leaves_the_old_file(tmp_path, simulated):
     path = tmp_path / "simulate.mcap"
     records.write_simulated(path, simulated, PROVENANCE)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
@@ -23,6 +23,8 @@ from towval.io.records.details import (
 from towval.model import Array, CameraTrack, DecimatedTrack, Features, Stamp, Track, TrackStatus
 from towval.model.conventions import CAMERA_FRAME, FLOOR_FRAME, PICTURE_MOTION, VIEW_MOTION
 from towval.model.errors import InputError
+
+OfBody = TypeVar("OfBody")
 
 _LEVELS = {TrackStatus.TRACKED: 0, TrackStatus.COASTING: 1, TrackStatus.LOST: 2}
 """Level of a DiagnosticStatus (OK, WARN, ERROR) of a pose's status."""
@@ -133,7 +135,19 @@ def read_tracks(path: Path, *, features: bool = False) -> dict[str, Track]:
         raise InputError(f"{path} holds no tracks", allowed="a file that the stage track made")
     camera = _camera(content)
     bodies = {name: details for name, details in content.details.items() if name != CAMERA_FRAME}
-    return {name: replace(_track(name, content, details), camera=camera) for name, details in bodies.items()}
+    found = {name: replace(_track(name, content, details), camera=camera) for name, details in bodies.items()}
+    return _OfBodies(path, found)
+
+
+class _OfBodies(dict[str, OfBody]):
+    """What a file holds by the names of the bodies; to ask for one that it does not hold raises `InputError`."""
+
+    def __init__(self, path: Path, found: dict[str, OfBody]):
+        super().__init__(found)
+        self.path = path
+
+    def __missing__(self, name: str) -> NoReturn:
+        raise InputError(f"{self.path} holds no track of the {name}", got=", ".join(self), allowed="rover and object")
 
 
 def _camera(content: McapContent) -> CameraTrack | None:
@@ -244,7 +258,7 @@ def read_decimated(path: Path) -> dict[str, DecimatedTrack]:
             covariance=np.array([ros.planar_covariance(value) for value in values]),
             **{**further, "findings": findings_in(details["findings"])},
         )
-    return tracks
+    return _OfBodies(path, tracks)
 
 
 def _whole_turns(heading: Array, unwrapped: Array) -> Array:
