@@ -102,6 +102,13 @@ def test_an_edit_of_the_campaign_is_noticed_by_the_stages_that_read_it(results, 
     assert refused == stages
 
 
+def test_what_an_edit_changed_is_named(results):
+    """Defaults of keys that are left out had been blamed, too, which no result records."""
+    changed = DOCUMENT | {"friction": {"kinetic": 0.4}}
+    with pytest.raises(InputError, match=r"campaign\.yaml, or what this stage reads of it, was changed .*: friction"):
+        check_together({"simulate.mcap": results["a", "simulate.mcap"]}, changed, "a")
+
+
 def test_another_run_may_change_or_go(results):
     runs = {"a": DOCUMENT["runs"]["a"], "c": {"video": "c.mp4"}}
     check_together(of_run(results, "a"), DOCUMENT | {"runs": runs}, "a")

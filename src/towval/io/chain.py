@@ -90,9 +90,8 @@ def _check_made_of(path: Path, origin: Origin, files: Mapping[str, Path], hashes
 def _check_sections(path: Path, origin: Origin, document: Mapping[str, Any] | None) -> None:
     changed = changed_sections(origin, document) if document is not None else []
     if changed:
-        # The document holds the defaults of keys that are left out, too, and these change with the program.
-        parts = ", ".join(changed)
-        got = f"made before campaign.yaml, or what towval assumes where it says nothing, was changed in: {parts}"
+        # Another version of towval may read a part of it that the stage did not read then.
+        got = f"campaign.yaml, or what this stage reads of it, was changed since in: {', '.join(changed)}"
         raise _apart(path, got, "made with campaign.yaml as it is")
 
 
