@@ -77,14 +77,17 @@ def test_what_is_not_ours_is_never_replaced(track, tmp_path, capsys):
         write_summary(tmp_path / "summary.csv", [])
 
 
-@pytest.mark.parametrize("content", ["mine\n", ""])
-def test_a_file_that_is_no_list_of_results_is_told_before_the_report_is_made(content, lab_small, tmp_path, capsys):
-    """It was told at the end, as a list that is damaged, with calling the report again as the remedy."""
-    (tmp_path / "files.sha256").write_text(content)
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [("files.sha256", "mine\n"), ("files.sha256", ""), ("report.html", "mine"), ("summary.csv", "my,own,table\n")],
+)
+def test_a_file_of_others_is_told_before_the_report_is_made(name, content, lab_small, tmp_path, capsys):
+    """At the end it was told of the list, as one that is damaged, and of the page, once the summary was replaced."""
+    (tmp_path / name).write_text(content)
     message = refused(capsys, "report", lab_small, "--results", tmp_path)
-    assert "files.sha256 is not replaced" in message
+    assert f"{name} is not replaced" in message
     assert "move it" in message
-    assert [path.name for path in tmp_path.iterdir()] == ["files.sha256"]
+    assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
 def test_files_beside_the_file_for_viewers_are_never_those_of_others(lab_small, tmp_path, capsys):

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from towval.commands.console import Outcome
 from towval.commands.run_folder import files, read_run, same_footage
 from towval.commands.settings import settings_from
+from towval.io.atomic import check_own
 from towval.io.campaign import Campaign, load_campaign
 from towval.io.chain import Origin, check_made_of, read_origin
 from towval.io.manifest import MANIFEST, check_list, write_manifest
@@ -23,7 +24,7 @@ from towval.io.reading import is_plain_file
 from towval.io.records import read_calibration
 from towval.io.records.identification import read_identification
 from towval.io.schema import without_defaults
-from towval.io.summary import write_summary
+from towval.io.summary import SUMMARY_MARK, write_summary
 from towval.model import Finding, Severity, Verdict
 from towval.model.errors import InputError
 from towval.model.findings import finding
@@ -33,6 +34,7 @@ from towval.model.run_record import RunRecord
 from towval.optics.plane_uncertainty import uncertainty_map
 from towval.report.data import InputRow, Provenance, ReportData, ReportSettings, RunReport
 from towval.report.page import write_report
+from towval.report.templating import PAGE_MARK
 from towval.validation.campaign import campaign_verdict
 from towval.validation.repeats import corridor, corridor_finding
 
@@ -45,6 +47,8 @@ def run(
     """Write the report of a campaign, its figures and summary; ``identified`` inputs have a section of their own."""
     settings = settings_from(ReportSettings, keys, "report")
     check_list(results / MANIFEST)
+    for name, mark in (("report.html", PAGE_MARK), ("summary.csv", SUMMARY_MARK)):
+        check_own(results / name, mark)
     given = load_campaign(campaign)
     identified = None if identified is None else _among(results, identified)
     camera = results / "camera.mcap"
@@ -74,8 +78,8 @@ def run(
         repeats=repeats,
         identification=None if identified is None else read_identification(identified),
     )
-    write_summary(results / "summary.csv", [item.record.comparison for item in runs])
     write_report(results / "report.html", data, results / "figures", _PROCESSES)
+    write_summary(results / "summary.csv", [item.record.comparison for item in runs])
     write_manifest(results / MANIFEST, _made(results, given, identified))
     verdicts = {item.record.name: item.record.comparison.verdict.value for item in runs}
     text = "; ".join(f"run {name} {verdict}" for name, verdict in verdicts.items())

@@ -19,6 +19,9 @@ COLUMNS = (
 )  # fmt: skip
 _FIELDS = {"findings": "warnings"}
 
+SUMMARY_MARK = f"{COLUMNS[0]},{COLUMNS[1]},"
+"""How a summary that may be replaced begins."""
+
 
 def summary_table(comparisons: Sequence[Comparison]) -> pd.DataFrame:
     """The summary of runs as a table with the columns :data:`COLUMNS`; lengths in metres, angles in radians."""
@@ -40,7 +43,7 @@ def summary_latex(comparisons: Sequence[Comparison]) -> str:
 
 def write_summary(path: Path, comparisons: Sequence[Comparison]) -> None:
     """Write ``summary.csv``, and beside it the same for LaTeX, ``figures/summary.tex``."""
-    write_text(path, summary_csv(comparisons), own=f"{COLUMNS[0]},{COLUMNS[1]},")
+    write_text(path, summary_csv(comparisons), own=SUMMARY_MARK)
     write_text(path.parent / "figures" / "summary.tex", summary_latex(comparisons))
 
 
