@@ -47,6 +47,17 @@ def test_fails_on_a_verdict_after_writing(tmp_path, capsys):
     assert (tmp_path / "index.html").is_file()
 
 
+def test_a_run_that_is_unfinished_fails_on_any_verdict(tmp_path, capsys):
+    """As help and documents say: footage whose run ended with an error had passed as what does not disagree."""
+    make_run(tmp_path / "results" / "lab" / "a", up_to="simulate")
+    arguments = ["index", str(tmp_path / "results"), "-o", str(tmp_path / "index.sqlite")]
+    main(arguments)
+    with pytest.raises(SystemExit) as stopped:
+        main([*arguments, "--fail-on", "disagrees"])
+    assert stopped.value.code == 1
+    assert "1 of 1 runs: lab/a (unfinished)" in capsys.readouterr().err
+
+
 def test_an_unknown_verdict_is_refused_before_anything_is_read(tmp_path, capsys):
     with pytest.raises(SystemExit):
         main(["index", str(tmp_path / "none"), "-o", str(tmp_path / "index.sqlite"), "--fail-on", "wrong"])

@@ -16,9 +16,9 @@ def run(results: Sequence[Path], output: Path, fail_on: Sequence[str] = ()) -> O
     """Write the index of all runs below some folders: ``output`` for programs, and beside it a page for people.
 
     Runs that are still being made count as unfinished; call again when they are done. ``results`` are folders of one
-    campaign each or of many; the page has the name of ``output`` with the ending ``.html``. Where a run has one of the
-    verdicts ``fail_on``, or is "unfinished", the command fails after both files are written: for continuous
-    integration on new footage.
+    campaign each or of many; the page has the name of ``output`` with the ending ``.html``. Where there are verdicts
+    ``fail_on``, and a run has one of them or is unfinished, the command fails after both files are written: for
+    continuous integration on new footage.
     """
     known = (*(str(verdict) for verdict in Verdict), UNFINISHED)
     asked = [word.strip().replace("-", " ") for text in fail_on for word in text.split(",")]
@@ -42,8 +42,8 @@ def run(results: Sequence[Path], output: Path, fail_on: Sequence[str] = ()) -> O
 
 
 def _failure(index: ResultsIndex, verdicts: Sequence[str]) -> TowvalError | None:
-    runs = index.runs[index.runs["verdict"].isin(verdicts)]
-    if not len(runs):
+    runs = index.runs[index.runs["verdict"].isin([*verdicts, UNFINISHED])]
+    if not verdicts or not len(runs):
         return None
     names = [f"{row.campaign}/{row.run} ({row.verdict})" for row in runs.head(10).itertuples()]
     more = f" and {len(runs) - 10} more" if len(runs) > 10 else ""
