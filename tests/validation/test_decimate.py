@@ -214,6 +214,15 @@ def test_lost_frames_are_bridged_and_told(make_track):
     assert np.abs(thin.poses_at(track.time_s) - arc(track.time_s)).max() < 1e-3
 
 
+@pytest.mark.parametrize("std", [(0.0, 0.0, 0.0), (1e-4, 1e-4, 0.0)])
+def test_a_track_that_states_no_deviation_is_decimated_by_its_scatter(make_track, std):
+    """Its noise counted as zero, and the fit divided by it."""
+    stated = make_track(arc, std=(1e-4, 1e-4, 2e-4))
+    thin = decimate(replace(stated, covariance=np.tile(np.diag(np.square(std)), (len(stated.time_s), 1, 1))))
+    np.testing.assert_allclose(thin.noise, [1e-4, 1e-4, 2e-4], rtol=0.2)
+    assert np.abs(thin.poses_at(stated.time_s) - arc(stated.time_s)).max() < 1e-3
+
+
 def test_frames_lost_before_and_after_all_others_are_not_bridged(make_track):
     """A body that leaves the picture: the curve ends there, and was said to bridge it by a gap of one step."""
     thin = decimate(make_track(arc, lost=[*range(10), *range(250, 300)]))

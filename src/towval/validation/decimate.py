@@ -90,7 +90,9 @@ def decimate(track: Track, settings: DecimateSettings | None = None) -> Decimate
         )
     time, pose = track.time_s[seen], track.pose[seen]
     reported = track.std[seen]
-    white = np.minimum(noise_of(time, pose, reported), _MOST_STATED * np.median(reported, axis=0))
+    stated = np.median(reported, axis=0)
+    # A deviation of zero states nothing: then what the track scatters by counts.
+    white = np.minimum(noise_of(time, pose, reported), np.where(stated > 0, _MOST_STATED * stated, np.inf))
     pauses = _surely(find_pauses(time, pose, frame_sigma(reported, white), settings.pause_s), len(time))
     moving = np.ones(len(time), dtype=bool)
     for first, last in pauses:
