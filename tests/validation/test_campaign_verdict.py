@@ -121,6 +121,14 @@ def test_what_leaves_one_run_open_leaves_the_campaign_open():
     assert campaign_verdict(runs[1:]).verdict == Verdict.NOT_JUDGED
 
 
+def test_one_run_alone_has_the_verdict_of_its_campaign():
+    """A difference that is detected and within the tolerance agrees, whatever faults would show; else that counts."""
+    tests = with_keys(drawn(6)[0])
+    detected = campaign_verdict([run("a", 3.0, tests, detectable=0.02)])
+    assert (detected.verdict, detected.beyond) == (Verdict.AGREES, ("a",))
+    assert campaign_verdict([run("a", 0.5, tests, detectable=0.02)]).verdict == Verdict.CANNOT_TELL
+
+
 def test_the_verdict_of_a_campaign_is_a_finding_of_its_report():
     tests = with_keys(drawn(7)[0])
 

@@ -42,8 +42,10 @@ def campaign_verdict(comparisons: Sequence[Comparison], confidence: float = 0.99
     limit = _joint_limit([c.drawn_tests for c in judged], confidence)
     beyond = tuple(run for run, ratio in ratios.items() if ratio > limit)
     mattering = [c.run for c in judged if c.error_upper_m > c.tolerance_m]
-    # A run within the tolerance is still open where an assumed value would explain what is detected.
-    unsure = [c.run for c in judged if c.verdict is Verdict.CANNOT_TELL or not c.detectable_m <= c.tolerance_m]
+    # A run within the tolerance is still open where an assumed value would explain what is detected, and where nothing
+    # is detected though faults might not have shown.
+    shown = {c.run for c in judged if c.run in beyond or c.detectable_m <= c.tolerance_m}
+    unsure = [c.run for c in judged if c.verdict is Verdict.CANNOT_TELL or c.run not in shown]
     bound = rounded_up(1e3 * max(c.error_upper_m for c in judged), 1)
     who = "All runs" if len(judged) == len(comparisons) else "The judged runs"
     level = f"{100 * (1 - confidence):.3g} % false alarms over {len(judged)} run{'s' * (len(judged) != 1)}"
