@@ -20,7 +20,7 @@ from towval.commands.run_folder import check_spared
 from towval.io.atomic import write_text
 from towval.io.campaign import load_campaign, names_in
 from towval.io.exchange import write_layouts
-from towval.io.manifest import MANIFEST, check_results
+from towval.io.manifest import MANIFEST, check_results, write_manifest
 from towval.io.mcap_file import check_replaceable, write_mcap
 from towval.io.provenance import provenance
 from towval.io.records import write_tracks
@@ -211,6 +211,20 @@ def test_inputs_that_were_added_since_are_named(tmp_path):
     shutil.copy(lab / "calibration" / "board_00.jpg", lab / "calibration" / "board_77.jpg")
     assert "camera.mcap was made without calibration/board_77.jpg, which is used now" in said()
     assert "run a of campaign.yaml has no results" in said()
+
+
+def test_what_a_run_left_that_the_report_leaves_out_is_no_fault(tmp_path):
+    """It stays among the results, as documented, and index and tables pass over it; verify called them changed."""
+    for run in "ab":
+        write_mcap(tmp_path / run / "track.mcap", [], {}, provenance("track", None, {}, run=run))
+    write_manifest(tmp_path / MANIFEST, [tmp_path / "a" / "track.mcap"])
+    os.utime(tmp_path / "b" / "track.mcap", (0, 0))
+    found = verify.run(tmp_path)
+    assert found.numbers["results"] == 1
+    assert "b: left out by the report, not verified" in found.details
+    (tmp_path / "b" / "track.mcap").touch()  # made since: the report does not know of it
+    with pytest.raises(InputError, match=r"b/track\.mcap is on no list"):
+        verify.run(tmp_path)
 
 
 def test_a_video_of_any_name_is_a_file_of_the_lab(tmp_path):

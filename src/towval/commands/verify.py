@@ -1,6 +1,6 @@
 """Command verify: whether a folder of results is whole, and which figure stems from which bytes."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from importlib.resources import files as packaged
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from towval.io.mcap_file import read_mcap
 from towval.io.provenance import file_hash
 from towval.io.reading import is_plain_file
 from towval.io.records.identification import identified_table, read_identification
+from towval.io.results_index import current_runs
 from towval.model.errors import InputError, TowvalError
 
 _SHORT = 12
@@ -24,7 +25,8 @@ def run(results: Path, campaign: Path | None = None) -> Outcome:
 
     One `InputError` names every file that is not what it was, and how that shows. Checked are every checksum within
     every file, every file against the list of the report, every file against those that were made of it, and with
-    ``campaign`` the pictures, videos and campaign.yaml that the results were made of.
+    ``campaign`` the pictures, videos and campaign.yaml that the results were made of. What a run left that the last
+    report leaves out is passed over, and named.
     """
     if not results.is_dir():
         raise InputError(f"{results} is no folder of results", allowed="results/CAMPAIGN, with camera.mcap")
@@ -35,7 +37,9 @@ def run(results: Path, campaign: Path | None = None) -> Outcome:
             got=", ".join(folder.name for folder in below),
             remedy=f"verify each: towval verify {below[0]}",
         )
+    aside = {path.parent for path in results.glob("*/track.mcap")}.difference(current_runs(results))
     made = sorted(path for path in results.rglob("*.mcap") if not path.name.startswith("."))
+    made = [path for path in made if aside.isdisjoint(path.parents)]
     origins: dict[Path, Origin] = {}
     faults = []
     for path in made:
@@ -44,12 +48,13 @@ def run(results: Path, campaign: Path | None = None) -> Outcome:
             origins[path] = read_origin(path)
         except TowvalError as error:
             faults.append(" ".join(str(error).split()))
-    faults += [*_broken_links(results, origins), *_faults_of_list(results), *_faults_beside(results)]
+    faults += [*_broken_links(results, origins), *_faults_of_list(results, aside), *_faults_beside(results)]
     if campaign is not None:
         faults += _changed_inputs(campaign, origins)
     if faults:
         raise InputError(f"{results} is not as it was made:\n  - " + "\n  - ".join(dict.fromkeys(faults)))
-    details = tuple(_derivations(results, origins))
+    left_out = (f"{run.name}: left out by the report, not verified" for run in sorted(aside))
+    details = (*_derivations(results, origins), *left_out)
     inputs = "inputs not compared: give --campaign" if campaign is None else "inputs as recorded"
     text = f"{len(made)} results, each whole and made of the others; {inputs}"
     return Outcome("verify", (results,), text, {"results": len(made), "derivations": details}, details=details)
@@ -84,7 +89,7 @@ def _broken_links(results: Path, origins: dict[Path, Origin]) -> Iterator[str]:
                 yield f"{name} and {first} were made with different campaign.yaml, in {section}"
 
 
-def _faults_of_list(results: Path) -> Iterator[str]:
+def _faults_of_list(results: Path, aside: Collection[Path]) -> Iterator[str]:
     try:
         listed = read_manifest(results / MANIFEST)
     except TowvalError as error:
@@ -95,7 +100,8 @@ def _faults_of_list(results: Path) -> Iterator[str]:
             yield f"{row.name} is missing, which {MANIFEST} lists"
         elif row.found != row.stated:
             yield f"{row.name} is not the file that {MANIFEST} lists"
-    yield from (f"{name} is on no list" for name in unlisted(results, listed))
+    names = unlisted(results, listed)
+    yield from (f"{name} is on no list" for name in names if not any(map((results / name).is_relative_to, aside)))
 
 
 def _faults_beside(results: Path) -> Iterator[str]:
