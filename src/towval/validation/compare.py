@@ -7,17 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.model import (
-    Array,
-    Comparison,
-    Finding,
-    RunUncertainty,
-    Severity,
-    SimulatedMotion,
-    Track,
-    TrackStatus,
-    Verdict,
-)
+from towval.model import Array, Comparison, Finding, RunUncertainty, Severity, SimulatedMotion, Track, Verdict
 from towval.model.errors import InputError, RefusedError
 from towval.model.findings import finding
 from towval.model.geometry import position_rms
@@ -83,7 +73,7 @@ def compare(
     """
     settings = settings or CompareSettings()
     frame = PathFrame(measured, simulated.time_s)
-    pose, seen, rows = frame.pose, frame.seen, frame.rows
+    pose, seen = frame.pose, frame.seen
     if not seen.any():
         raise RefusedError(
             f"run {run} cannot be compared",
@@ -111,8 +101,8 @@ def compare(
         u_measurement_m=position_rms(uncertainty.measurement),
         u_val_m=u_val,
         verdict=Verdict.NOT_JUDGED,
-        tracked_frames=int(np.count_nonzero(measured.status[rows] == TrackStatus.TRACKED)),
-        lost_frames=int(np.count_nonzero(measured.status[rows] != TrackStatus.TRACKED)),
+        tracked_frames=int(np.count_nonzero(seen)),
+        lost_frames=int(np.count_nonzero(~seen)),
         frechet_m=frechet_distance(simulated.pose[seen, :2], pose[seen, :2]),
         area_along_m=area_metric(along_across[:, 0], path_std[:, 0]),
         area_across_m=area_metric(along_across[:, 1], path_std[:, 1]),
@@ -283,7 +273,7 @@ def _rms(values: Array) -> float:
 
 
 def _findings(measured: Track, simulated: SimulatedMotion) -> Iterable[Finding]:
-    lost = int(np.count_nonzero(measured.status != TrackStatus.TRACKED))
+    lost = np.count_nonzero(~measured.seen)
     if lost:
         yield finding("compare_lost", count=lost)
     if len(simulated.time_s) < len(measured.time_s):

@@ -138,7 +138,7 @@ class UncertaintySampling:
         # Deviations are taken from the nominal solution, which corresponds to the truth in a campaign, not from the
         # mean of the draws: where phases drift, both sides of S − D oscillate, and the mean of the draws does not.
         draws, made = self._draws[done], self._made
-        simulated, measured = made.paths(done)
+        simulated, measured = (np.array(paths)[done] for paths in (made.simulated, made.measured))
         u_tolerance_m, rows = self.case.simulated.statistic("u_tolerance_m"), made.rows
         error = pose_difference(simulated, measured)
         shares = variance_shares(draws, error[..., :2].reshape(len(error), -1), self._sampler.widths)
@@ -332,11 +332,6 @@ class _Made:
             for k, (path, other) in enumerate(apart):
                 off = pose_difference(path, other)
                 self.squares[k] += off[:, :, None] * off[:, None, :]
-
-    def paths(self, done: NDArray[np.bool_]) -> tuple[Array, Array]:
-        """Simulated and measured paths (k, m, 3) of the draws that are ``done``, at the kept times."""
-        simulated, measured = (np.array(part)[done] for part in (self.simulated, self.measured))
-        return simulated, measured
 
 
 def with_numerical(covariance: Array, u_tolerance_m: float, to_dynamics: Array) -> Array:

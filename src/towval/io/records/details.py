@@ -35,30 +35,21 @@ def result_reader(read: Reader) -> Reader:
 
 
 def json_value(value: Any) -> Any:
-    """A JSON value: NaN and infinity, which JSON does not know, become null."""
+    """A JSON value, of an array a list: NaN and infinity, which JSON does not know, become null."""
+    if isinstance(value, np.ndarray | list):
+        return [json_value(item) for item in (value.tolist() if isinstance(value, np.ndarray) else value)]
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-def plain(value: Any) -> dict[str, Any]:
-    """A dataclass of arrays (n, m), numbers and texts as JSON values; what is not finite becomes null."""
-    plain = {}
-    for field in dataclasses.fields(value):
-        item = getattr(value, field.name)
-        if isinstance(item, np.ndarray):
-            item = [[json_value(x) for x in row] for row in item.tolist()]
-        plain[field.name] = json_value(item)
-    return plain
-
-
-def arrays(plain: dict[str, Any]) -> dict[str, Any]:
-    """Undo :func:`plain` for arrays (n, 2): lists become arrays and null becomes NaN."""
+def arrays(row: dict[str, Any]) -> dict[str, Any]:
+    """Undo :func:`row_of` for arrays (n, 2): lists become arrays and null becomes NaN."""
     return {
         key: np.array(item, dtype=np.float64).reshape(len(item), 2)
         if isinstance(item, list)
         else np.nan
         if item is None
         else item
-        for key, item in plain.items()
+        for key, item in row.items()
     }
 
 
@@ -82,14 +73,14 @@ def view_in(details: dict[str, Any]) -> tuple[Camera, Floor]:
 
 
 def row_of(value: Any) -> dict[str, Any] | None:
-    """A dataclass of numbers, texts and mappings by the names of its fields; null for None and what is not finite."""
+    """A dataclass by its fields: arrays, numbers, texts and mappings; null for None and what is not finite."""
     if value is None:
         return None
     return {name: json_value(item) for name, item in dataclasses.asdict(value).items()}
 
 
 def rows_of(values: Sequence[Any]) -> list[dict[str, Any] | None]:
-    """Findings, choices or visible faults as rows."""
+    """Findings, choices, visible faults or views as rows."""
     return [row_of(value) for value in values]
 
 

@@ -7,7 +7,7 @@ import pandas as pd
 
 from towval.io import ros
 from towval.io.mcap_file import Message, read_mcap, write_mcap
-from towval.io.records.details import details_with, findings_in, planar_poses, result_reader, rows_of
+from towval.io.records.details import details_with, findings_in, json_value, planar_poses, result_reader, rows_of
 from towval.model import Identification, Prediction
 
 
@@ -24,7 +24,7 @@ def write_identification(path: Path, identified: Identification, provenance: dic
         "given": identified.given.tolist(),
         "given_std": identified.given_std.tolist(),
         "values": identified.values.tolist(),
-        "covariance": [[float(x) if np.isfinite(x) else None for x in row] for row in identified.covariance],
+        "covariance": json_value(identified.covariance),
         "identifiable": list(identified.identifiable),
         "predictions": [
             {
