@@ -60,8 +60,15 @@ def test_several_campaigns_are_stacked(lab, tmp_path):
     folder, _ = lab
     (tmp_path / "other").symlink_to(folder)
     both = towval.load(folder, str(tmp_path / "other"))
-    assert len(both.summary) == 4
+    assert both.summary.campaign.tolist() == ["lab", "lab", "other", "other"]
     assert len(both.tracks) == 2 * len(towval.load(folder).tracks)
+
+
+def test_two_folders_of_one_name_are_refused(lab, tmp_path):
+    """As those of two years: their rows had the same campaign and run."""
+    shutil.copytree(lab[0], tmp_path / "lab")
+    with pytest.raises(InputError, match="have one name"):
+        towval.load(lab[0], tmp_path / "lab")
 
 
 def test_lengths_angles_and_times_carry_their_units(lab):

@@ -1,5 +1,6 @@
 """Results as pandas tables, with units in the names of the columns; what :func:`towval.load` returns."""
 
+import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,7 +45,7 @@ def load(*folders: Path | str) -> Results:
 
     ``folders`` of results are such as ``results/lab_a``, with ``camera.mcap`` and a folder for each run. Runs whose
     comparison is not there yet are left out. Raises `InputError` when a folder is missing or holds no result of a run,
-    or files of a run were not made of each other and of that camera.
+    two have one name, or files of a run were not made of each other and of that camera.
 
     Examples
     --------
@@ -58,6 +59,13 @@ def load(*folders: Path | str) -> Results:
         instance_of(folder, "the folder of results", str, Path)
         if not Path(folder).is_dir():
             raise InputError(f"{folder} is no folder", remedy="give the folder of results, as results/my_lab")
+    names = [_campaign(Path(folder)) for folder in folders]
+    if len(set(names)) < len(names):
+        raise InputError(
+            "two folders of results have one name, by which their rows could not be told apart",
+            got=", ".join(map(str, folders)),
+            remedy="load them one by one",
+        )
     runs = [run for folder in folders for run in _runs(Path(folder))]
     parts = [_Part(campaign, name, folder) for campaign, name, folder in runs]
     findings = [row for folder in folders for row in _camera_findings(Path(folder))]
@@ -81,7 +89,12 @@ def _runs(folder: Path) -> list[tuple[str, str, Path]]:
             allowed="a folder with RUN/compare.mcap, as results/lab_a",
             remedy="run the campaign first: towval run",
         )
-    return [(folder.resolve().name, path.name, path) for path in found]
+    return [(_campaign(folder), path.name, path) for path in found]
+
+
+def _campaign(folder: Path) -> str:
+    """By its name as it is given: of two links what they lead to may have the same name."""
+    return Path(os.path.abspath(folder)).name
 
 
 _FILES = ("track.mcap", "simulate.mcap", "uncertainty.mcap", "compare.mcap")
@@ -148,7 +161,7 @@ def _camera_findings(folder: Path) -> Iterator[tuple[str, ...]]:
     camera = folder / "camera.mcap"
     if camera.is_file():
         for each in read_calibration(camera).findings:
-            yield (folder.resolve().name, "", "calibrate", each.severity.value, each.code, each.text)
+            yield (_campaign(folder), "", "calibrate", each.severity.value, each.code, each.text)
 
 
 def _columns(names: Sequence[str], values: Array) -> dict[str, Any]:
