@@ -119,6 +119,18 @@ def test_a_film_never_replaces_footage(lab_small, tmp_path, capsys):
     assert "every video of this folder" in refused(capsys, "overlay", lab_small, "--run", "a", *paths, "-o", new)
 
 
+def test_a_film_is_drawn_among_results_below_the_campaign(tmp_path, capsys):
+    """Results may stand there, and `towval new` does not take what lies beside a camera.mcap for a run."""
+    lab = tmp_path / "lab"
+    results = lab / "results" / "lab"
+    shutil.copytree(SAMPLE, lab)
+    for camera in (results / "camera.mcap", lab / "camera.mcap"):
+        arguments = ("--run", "a", "--camera", camera, "--folder", results / "a", "-o", results / "a" / "overlay.mp4")
+        told = refused(capsys, "overlay", lab, *arguments)
+        assert ("every video of this folder" in told) == (camera.parent == lab)
+        assert ("is missing" in told) == (camera.parent == results)
+
+
 def test_the_file_beside_an_output_is_looked_at_before_anything_is_read(lab_small, tmp_path, capsys):
     """With results that are missing, any reading would be told first."""
     none = tmp_path / "none"

@@ -15,10 +15,12 @@ def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path, wid
     """Draw a run onto its footage, at most ``width_px`` wide."""
     given = load_campaign(campaign)
     target, films = output.resolve(), [each.video.resolve() for each in given.runs.values()]
-    # Everything in the campaign folder belongs to the lab, and so do films that it keeps elsewhere.
-    if target in films or (target.is_relative_to(given.folder.resolve()) and target.exists()):
+    lab, results = given.folder.resolve(), camera.resolve().parent
+    # What is in the campaign folder, but for results below it, is the lab's, and so are films that it keeps elsewhere.
+    of_lab = target.is_relative_to(lab) and (results == lab or not target.is_relative_to(results))
+    if target in films or (of_lab and target.exists()):
         raise not_ours(output)
-    if target.is_relative_to(given.folder.resolve()):
+    if of_lab:
         raise InputError(
             "the overlay cannot be written to the campaign folder",
             got=output,
