@@ -39,8 +39,8 @@ _FEWEST_STEPS = 2
 _MOST_STEPS = 200_000
 """Of the planner: so many take minutes and gigabytes. Times in milliseconds filled the memory without a word."""
 
-_MAP_MARK = "Matplotlib"
-"""What a map of ours names as its maker near its beginning: no other file is replaced."""
+_MAP_MARK = "<!-- map of towval -->"
+"""How a map of ours begins: no other file is replaced, nor another drawing of the same library."""
 
 
 def run(
@@ -121,7 +121,8 @@ def _mapped(
     from towval.report.figures.plan import plan_figure  # noqa: PLC0415
     from towval.report.style import svg_text  # noqa: PLC0415
 
-    write_text(file, svg_text(plan_figure(hinge, motion, scene.towed, wanted, limited)), own=_MAP_MARK)
+    drawn = svg_text(plan_figure(hinge, motion, scene.towed, wanted, limited))
+    write_text(file, f"{_MAP_MARK}\n{drawn}", own=_MAP_MARK)
     return (file,)
 
 
