@@ -1,5 +1,9 @@
 """The command ``towval index``."""
 
+import sqlite3
+from contextlib import closing
+
+import pandas as pd
 import pytest
 
 from result_folders import make_run
@@ -56,6 +60,29 @@ def test_a_run_that_is_unfinished_fails_on_any_verdict(tmp_path, capsys):
         main([*arguments, "--fail-on", "disagrees"])
     assert stopped.value.code == 1
     assert "1 of 1 runs: lab/a (unfinished)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["index.sqlite", "index.html"])
+def test_files_of_others_are_not_taken_for_an_index_or_its_page(name, tmp_path, capsys):
+    """A table "runs" that pandas made, or a page with a content security policy, was enough to be replaced."""
+    make_run(tmp_path / "results" / "lab" / "a")
+    mine = tmp_path / name
+    if name.endswith("html"):
+        mine.write_text('<meta http-equiv="Content-Security-Policy" content="default-src \'self\'">')
+    else:
+        with closing(sqlite3.connect(mine)) as database:
+            pd.DataFrame({"speed": [1.0]}).to_sql("runs", database, index=False)
+    before = mine.read_bytes()
+    with pytest.raises(SystemExit):
+        main(["index", str(tmp_path / "results"), "-o", str(tmp_path / "index.sqlite")])
+    assert f"{name} is not replaced" in capsys.readouterr().err
+    assert mine.read_bytes() == before
+
+
+def test_an_index_replaces_its_earlier_self(tmp_path):
+    make_run(tmp_path / "results" / "lab" / "a")
+    for _ in range(2):
+        main(["index", str(tmp_path / "results"), "-o", str(tmp_path / "index.sqlite")])
 
 
 def test_an_unknown_verdict_is_refused_before_anything_is_read(tmp_path, capsys):

@@ -23,7 +23,7 @@ from towval.model.inputs import INPUTS
 
 _FILES_OF_RUN = tuple(f"{stage}.mcap" for stage in STAGES_OF_RUN)
 
-INDEX_MARK = 'CREATE TABLE "runs"'
+INDEX_MARK = 'CREATE TABLE "runs" (\n"source" TEXT,\n  "campaign" TEXT,'
 """What an SQLite file that may be replaced says near its beginning."""
 
 UNFINISHED = "unfinished"
