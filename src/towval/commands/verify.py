@@ -53,11 +53,12 @@ def run(results: Path, campaign: Path | None = None) -> Outcome:
         faults += _changed_inputs(campaign, origins)
     if faults:
         raise InputError(f"{results} is not as it was made:\n  - " + "\n  - ".join(dict.fromkeys(faults)))
-    left_out = (f"{run.name}: left out by the report, not verified" for run in sorted(aside))
-    details = (*_derivations(results, origins), *left_out)
+    derivations, left_out = tuple(_derivations(results, origins)), sorted(run.name for run in aside)
+    details = (*derivations, *(f"{name}: left out by the report, not verified" for name in left_out))
     inputs = "inputs not compared: give --campaign" if campaign is None else "inputs as recorded"
     text = f"{len(made)} results, each whole and made of the others; {inputs}"
-    return Outcome("verify", (results,), text, {"results": len(made), "derivations": details}, details=details)
+    numbers = {"results": len(made), "derivations": derivations, "left_out": left_out}
+    return Outcome("verify", (results,), text, numbers, details=details)
 
 
 def _place(results: Path, path: Path, stage: str, name: str) -> Path | None:
