@@ -134,7 +134,7 @@ def test_other_programs_read_the_lens_by_the_name_that_ros_has_for_it(
     np.testing.assert_array_equal(again.lens, camera.lens)
 
 
-def test_details_without_a_number_are_json_that_every_program_reads(tmp_path, calibration, track):
+def test_details_without_a_number_are_json_that_every_program_reads(tmp_path, calibration, track, simulated):
     apart = Choice("tracking", "40", "80", np.inf, "RMS of the measured path")
     written = replace(calibration, quality={"halves_difference_mm": np.inf}, choices=(apart,))
     records.write_calibration(tmp_path / "camera.mcap", written, PROVENANCE)
@@ -143,13 +143,16 @@ def test_details_without_a_number_are_json_that_every_program_reads(tmp_path, ca
     def refuse(name):
         raise AssertionError(f"{name} is no JSON")
 
-    for name in ("camera.mcap", "track.mcap"):
+    # A simpler model that ends early is infinitely far from the dynamics.
+    records.write_simulated(tmp_path / "simulate.mcap", replace(simulated, statistics={"far": np.inf}), PROVENANCE)
+    for name in ("camera.mcap", "track.mcap", "simulate.mcap"):
         with (tmp_path / name).open("rb") as stream:
             (details,) = make_reader(stream).iter_attachments()
         json.loads(details.data, parse_constant=refuse)
     back = records.read_calibration(tmp_path / "camera.mcap")
     assert np.isnan(back.quality["halves_difference_mm"])
     assert np.isnan(back.choices[0].change_m)
+    assert np.isnan(records.read_simulated(tmp_path / "simulate.mcap").statistics["far"])
 
 
 def test_tracks_round_trip(tmp_path, track, make_track):

@@ -6,6 +6,7 @@ and every checksum is verified before anything of a file is used.
 
 import heapq
 import json
+import math
 import struct
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator
@@ -77,8 +78,9 @@ def write_mcap(
     """Write an MCAP file; an existing one is replaced when the new one is whole.
 
     Messages are stored in the order of their times. ``details``, what fits no message, is kept as the attachment
-    ``details.json``; ``provenance``, versions, configuration and hashes as texts, as the metadata record of that name.
-    ``in_order``: further messages, more than fit into memory, in the order of their times.
+    ``details.json``, arrays as lists and numbers that are not finite as null; ``provenance``, versions, configuration
+    and hashes as texts, as the metadata record of that name. ``in_order``: further messages, more than fit into memory,
+    in the order of their times.
     """
     ordered = sorted(messages, key=attrgetter("time_ns"))
     start = ordered[0].time_ns if ordered else 0
@@ -109,9 +111,19 @@ def write_mcap(
                 data=bytes(typestore().serialize_cdr(message.value, kind)),
             )
             sequence[message.topic] += 1
-        writer.add_attachment(start, start, _DETAILS, "application/json", json.dumps(details, sort_keys=True).encode())
+        text = json.dumps(_json(details), sort_keys=True)
+        writer.add_attachment(start, start, _DETAILS, "application/json", text.encode())
         writer.add_metadata(_PROVENANCE, {key: provenance[key] for key in sorted(provenance)})
         writer.finish()  # type: ignore[no-untyped-call]  # mcap leaves it untyped
+
+
+def _json(value: Any) -> Any:
+    """A JSON value, of an array lists: NaN and infinity, which JSON does not know, become null."""
+    if isinstance(value, dict):
+        return {name: _json(item) for name, item in value.items()}
+    if isinstance(value, np.ndarray | list | tuple):
+        return [_json(item) for item in (value.tolist() if isinstance(value, np.ndarray) else value)]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def is_own(path: Path) -> bool:

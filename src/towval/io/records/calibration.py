@@ -9,7 +9,6 @@ from towval.io.records.details import (
     choices_in,
     details_with,
     findings_in,
-    json_value,
     result_reader,
     rows_of,
     view_in,
@@ -32,7 +31,7 @@ def write_calibration(path: Path, calibration: Calibration, provenance: dict[str
         "views": rows_of(calibration.views),
         "findings": rows_of(calibration.findings),
         "choices": rows_of(calibration.choices),
-        "quality": {name: json_value(value) for name, value in calibration.quality.items()},
+        "quality": dict(calibration.quality),
     }
     write_mcap(path, messages, details, provenance)
 

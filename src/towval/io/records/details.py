@@ -34,13 +34,6 @@ def result_reader(read: Reader) -> Reader:
     return cast(Reader, reading)
 
 
-def json_value(value: Any) -> Any:
-    """A JSON value, of an array a list: NaN and infinity, which JSON does not know, become null."""
-    if isinstance(value, np.ndarray | list):
-        return [json_value(item) for item in (value.tolist() if isinstance(value, np.ndarray) else value)]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
-
-
 def arrays(row: dict[str, Any]) -> dict[str, Any]:
     """Undo :func:`row_of` for arrays (n, 2): lists become arrays and null becomes NaN."""
     return {
@@ -73,15 +66,13 @@ def view_in(details: dict[str, Any]) -> tuple[Camera, Floor]:
 
 
 def row_of(value: Any) -> dict[str, Any] | None:
-    """A dataclass by its fields: arrays, numbers, texts and mappings; null for None and what is not finite."""
-    if value is None:
-        return None
-    return {name: json_value(item) for name, item in dataclasses.asdict(value).items()}
+    """A dataclass by the names of its fields; None for None."""
+    return None if value is None else dataclasses.asdict(value)
 
 
-def rows_of(values: Sequence[Any]) -> list[dict[str, Any] | None]:
+def rows_of(values: Sequence[Any]) -> list[dict[str, Any]]:
     """Findings, choices, visible faults or views as rows."""
-    return [row_of(value) for value in values]
+    return list(map(dataclasses.asdict, values))
 
 
 def findings_in(found: list[dict[str, str]]) -> tuple[Finding, ...]:

@@ -7,7 +7,7 @@ import pandas as pd
 
 from towval.io import ros
 from towval.io.mcap_file import Message, read_mcap, write_mcap
-from towval.io.records.details import details_with, findings_in, json_value, planar_poses, result_reader, rows_of
+from towval.io.records.details import details_with, findings_in, planar_poses, result_reader, rows_of, with_nan
 from towval.model import Identification, Prediction
 
 
@@ -24,7 +24,7 @@ def write_identification(path: Path, identified: Identification, provenance: dic
         "given": identified.given.tolist(),
         "given_std": identified.given_std.tolist(),
         "values": identified.values.tolist(),
-        "covariance": json_value(identified.covariance),
+        "covariance": identified.covariance,
         "identifiable": list(identified.identifiable),
         "predictions": [
             {
@@ -52,7 +52,7 @@ def read_identification(path: Path) -> Identification:
     for entry in details["predictions"]:
         topic = f"/{entry['run']}/object/pose_predicted"
         poses = [value.pose for value in content.values(topic)]
-        predictions.append(Prediction(time_s=content.times_s(topic), pose=planar_poses(poses), **entry))
+        predictions.append(Prediction(time_s=content.times_s(topic), pose=planar_poses(poses), **with_nan(entry)))
     p = len(details["parameters"])
     return Identification(
         parameters=tuple(details["parameters"]),

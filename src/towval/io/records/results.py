@@ -15,7 +15,6 @@ from towval.io.records.details import (
     explanation_in,
     faults_in,
     findings_in,
-    json_value,
     planar_poses,
     planar_twists,
     result_reader,
@@ -23,6 +22,7 @@ from towval.io.records.details import (
     rows_of,
     statement_in,
     statement_out,
+    with_nan,
 )
 from towval.io.records.tracks import track_messages
 from towval.model import Array, Comparison, Draws, RunUncertainty, SimulatedMotion, Track, Verdict
@@ -71,7 +71,7 @@ def read_simulated(path: Path) -> SimulatedMotion:
         advice=details["advice"],
         rung=details["rung"],
         findings=findings_in(details["findings"]),
-        statistics=details["statistics"],
+        statistics=with_nan(details["statistics"]),
         choices=choices_in(details),
     )
 
@@ -164,7 +164,7 @@ def write_comparison(
     for t, pose in zip(simulated.time_s, simulated.pose, strict=True):
         value = ros.stamped_pose(t, pose)
         messages.append(Message("/object/pose_simulated", ros.nanoseconds(t), value))
-    details = {name: json_value(getattr(comparison, name)) for name in _COMPARISON_SCALARS}
+    details = {name: getattr(comparison, name) for name in _COMPARISON_SCALARS}
     details |= statement_out(comparison)
     details["time_ns"] = [ros.nanoseconds(t) for t in comparison.time_s]
     details["findings"] = rows_of(comparison.findings)

@@ -12,7 +12,6 @@ from towval.io.mcap_file import McapContent, Message, read_mcap, write_mcap
 from towval.io.records.details import (
     choices_in,
     findings_in,
-    json_value,
     planar_poses,
     planar_twists,
     result_reader,
@@ -69,8 +68,8 @@ def write_tracks(path: Path, tracks: dict[str, Track], provenance: dict[str, str
         messages += _camera_messages(next(iter(tracks.values())).time_s, camera)
         details[CAMERA_FRAME] = {
             **view_out(camera.camera, camera.floor),
-            "size": json_value(camera.size),
-            "size_std": json_value(camera.size_std),
+            "size": camera.size,
+            "size_std": camera.size_std,
             "added_covariance": camera.added.tolist(),
             "quarter_turns": camera.quarter_turns,
         }
