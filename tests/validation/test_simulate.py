@@ -259,6 +259,13 @@ def test_a_tow_that_tips_is_refused_by_name(tracks):
         simulate(high, *tracks, TIMES)
 
 
+def test_a_simpler_model_of_a_tow_that_tips_is_not_called_infinitely_far(tracks):
+    high = replace(SCENE, anchor_height=0.8, hinge_height=0.8)
+    found = simulate(high, *tracks, TIMES, SimulateSettings(rung="tractrix")).findings
+    (text,) = [each.text for each in found if each.code == "rung"]
+    assert "the full dynamics cannot be compared, since one of both ends early" in text  # moved it by up to "inf mm"
+
+
 def test_sticking_is_auto_true_or_false():
     with pytest.raises(InputError, match=r"simulate\.sticking"):
         SimulateSettings(sticking="sometimes")

@@ -201,9 +201,9 @@ class RunSimulation:
         for lower in names[:place][-1:]:
             if lower in to_dynamics:  # else it was not simulated
                 moved = path_difference(self.towed, self.motion(lower, tolerance_m), motion)
-                changes.append(f"{lower} would move the path by up to {1000 * moved:.2f} mm")
+                changes.append(_moves(lower, "the path", moved))
         if rung in to_dynamics:
-            changes.append(f"the full dynamics would move it by up to {1000 * to_dynamics[rung]:.2f} mm")
+            changes.append(_moves("the full dynamics", "it", to_dynamics[rung]))
         severity = Severity.NOTE if names.index(choice.rung) <= place else Severity.WARNING
         return finding("rung", severity, rung=rung, changes=", ".join(changes), allowed_mm=1000 * choice.tolerance_m)
 
@@ -249,6 +249,13 @@ class RunSimulation:
             return []
         speed = float(np.hypot(*self.start_twist[:2]))
         return [finding("moving_start", speed_mm_per_s=1000 * speed, off_mm=1000 * off_m)]
+
+
+def _moves(model: str, what: str, moved_m: float) -> str:
+    """By how much another model would move the path, in words; infinite where one of both ends early."""
+    if np.isinf(moved_m):
+        return f"{model} cannot be compared, since one of both ends early"
+    return f"{model} would move {what} by up to {1000 * moved_m:.2f} mm"
 
 
 def nearer_findings(nearer_m: float) -> list[Finding]:
