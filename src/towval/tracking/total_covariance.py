@@ -7,6 +7,7 @@ import numpy as np
 from towval.model import Array, Body, Calibration, Track
 from towval.model.geometry import turned_covariance
 from towval.optics.moved_view import pose_sensitivity, readout_sensitivity
+from towval.tracking.noise import local_scatter
 
 
 def with_total(track: Track, calibration: Calibration, body: Body, view_covariance: Array | None = None) -> Track:
@@ -25,6 +26,17 @@ def with_total(track: Track, calibration: Calibration, body: Body, view_covarian
         total[seen] += body.height_std_m**2 * by_height[:, :, None] * by_height[:, None, :]
         total[seen] += turned_covariance(track.start_covariance, pose[:, 2])
     return replace(track, total_covariance=total)
+
+
+def with_scatter(track: Track) -> Track:
+    """The track whose total covariance holds what its poses scatter by around each picture, too.
+
+    The frame's own covariance, by which paths are fitted, stays: in a drive that sets off within a picture, some of it
+    may be motion.
+    """
+    assert track.total_covariance is not None
+    scatter = local_scatter(track.time_s, np.where(track.seen[:, None], track.pose, np.nan), track.covariance)
+    return replace(track, total_covariance=track.total_covariance + scatter)
 
 
 def with_wider_start(track: Track, spread: Array) -> Track:

@@ -20,13 +20,12 @@ from towval.tracking.klt import KltTracker
 from towval.tracking.known_lengths import OutlineSizes, as_lengths_show, length_findings, scale_findings, size_of_tops
 from towval.tracking.middle import about_middle, track_of
 from towval.tracking.moved_floor import moved_floor_findings
-from towval.tracking.noise import local_scatter
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import CONSTANTS as PLANE
 from towval.tracking.plane_tracker import PlaneTracker
 from towval.tracking.stamps import check_stamps
 from towval.tracking.template import Luma
-from towval.tracking.total_covariance import with_total
+from towval.tracking.total_covariance import with_scatter, with_total
 
 
 @dataclass(frozen=True)
@@ -170,10 +169,7 @@ class _Group:
                 covariance=one.covariance + late,
                 camera=camera,
             )
-            # Last of all: what is off for some pictures is no noise to the checks above, which look for that.
-            seen_at = np.where(one.seen[:, None], one.pose, np.nan)
-            one = replace(one, covariance=one.covariance + local_scatter(one.time_s, seen_at, one.covariance))
-            found[body.name] = with_total(one, doubted, body, of_view)
+            found[body.name] = with_scatter(with_total(one, doubted, body, of_view))
         return found
 
 
