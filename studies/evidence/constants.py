@@ -13,6 +13,7 @@ from towval.model.constants import constants_of
 
 ASKED = mutants.Asked(jobs=1)
 _HERE = sys.modules[__name__]
+_QUICK = "test_*_limits.py"
 _MODULES = sum(len(constants_of(room)) for room in mutants.ROOMS)
 
 
