@@ -22,7 +22,7 @@ from studies.evidence.compute import REPOSITORY
 from studies.evidence.ledger import Group, read_groups
 from towval.commands.console import errors_reported
 
-MADE = ("camera_faults.md", "claims.md", "evidence.md", "findings.md", "inputs.md", "scenes.md")
+MADE = ("claims.md", "evidence.md", "findings.md", "inputs.md", "scenes.md")
 """Pages that commands make from the code or from tables."""
 
 _NUMBER = r"\d[\d,]*(?:\.\d+)?(?:e-?\d+)?"
