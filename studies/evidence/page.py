@@ -57,7 +57,7 @@ def write_ledger(outcomes: Sequence[Path], memory: Path, outputs: Sequence[Path]
         A row that was made now does not hold or is failed by no fault, or no row notices a fault; after writing.
     """
     groups = read_groups()
-    before = json.loads(memory.read_text(encoding="utf-8"))["groups"] if memory.is_file() else {}
+    before = read_ledger(memory) if memory.is_file() else {}
     made: dict[str, list[dict[str, Any]]] = {}
     for path in outcomes:
         made.setdefault(path.name.split(".")[0], []).append(json.loads(path.read_text(encoding="utf-8")))
@@ -75,14 +75,38 @@ def write_ledger(outcomes: Sequence[Path], memory: Path, outputs: Sequence[Path]
         raise TowvalError("the ledger does not hold", got="; ".join(wrong), remedy="see evidence.md")
 
 
+def read_ledger(path: Path) -> dict[str, Any]:
+    """The groups of a ledger's JSON, by name, with the words of each fault in the place of its number."""
+    groups: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["groups"]
+    for group in groups.values():
+        words = group.pop("faults", [])
+        for control in _controls(group):
+            control["fault"] = words[control["fault"]]
+    return groups
+
+
+def _controls(group: Mapping[str, Any]) -> list[dict[str, Any]]:
+    return [control for row in group["rows"] for control in row.get("controls", ())]
+
+
 def _one_row_a_line(found: Mapping[str, Mapping[str, Any]]) -> str:
-    """The ledger as JSON: half the size of an indented one, and a changed row is one changed line."""
+    """The ledger as JSON: half the size of an indented one, and a changed row is one changed line.
+
+    The words of a fault stand once a group; each control has their number.
+    """
     written = partial(json.dumps, ensure_ascii=False)
     parts = []
     for name, group in found.items():
-        rows = ",\n   ".join(map(written, group["rows"]))
-        head = written({key: value for key, value in group.items() if key != "rows"})[1:-1]
-        parts.append(f'  {written(name)}: {{{head}{", " if head else ""}"rows": [\n   {rows}\n  ]}}')
+        faults = {fault: k for k, fault in enumerate(dict.fromkeys(each["fault"] for each in _controls(group)))}
+        numbered = (
+            row | {"controls": [each | {"fault": faults[each["fault"]]} for each in row["controls"]]}
+            if "controls" in row
+            else row
+            for row in group["rows"]
+        )
+        rows = ",\n   ".join(map(written, numbered))
+        head = written({key: value for key, value in group.items() if key != "rows"} | {"faults": list(faults)})[1:-1]
+        parts.append(f'  {written(name)}: {{{head}, "rows": [\n   {rows}\n  ]}}')
     return '{"groups": {\n' + ",\n".join(parts) + "\n}}\n"
 
 
@@ -140,7 +164,7 @@ def faults_of(name: str, group: Mapping[str, Any]) -> list[str]:
     wrong = [
         f"{name}, {row['name']}: {row['measured']}, not {row['stated']}" for row in group["rows"] if not row["holds"]
     ]
-    controls = [control for row in group["rows"] for control in row["controls"]]
+    controls = _controls(group)
     noticed = {control["fault"] for control in controls if control["noticed"]}
     unnoticed = {control["fault"] for control in controls} - noticed
     wrong += [f"{name}: no row notices that {fault}" for fault in sorted(unnoticed)]
@@ -203,7 +227,7 @@ def _section(group: Group, found: Mapping[str, Any]) -> list[str]:
     ]
     lines += [f"- Command: `{group.command}`"]
     lines += ["", group.note.strip()] if group.note else []
-    faults = list(dict.fromkeys(c["fault"] for row in found["rows"] for c in row.get("controls", ())))
+    faults = list(dict.fromkeys(each["fault"] for each in _controls(found)))
     lines += ["", f"| statement | stated | holds within | measured |{''.join(f' {fault} |' for fault in faults)}"]
     lines += ["|---" * (4 + len(faults)) + "|"]
     return lines + [_row(row, faults) for row in found["rows"]]

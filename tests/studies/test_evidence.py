@@ -13,7 +13,7 @@ import pytest
 from studies.evidence import compute, show, workflow
 from studies.evidence.documents import passages, unfounded
 from studies.evidence.ledger import Check, Effort, EvidenceClass, Group, Statement, made_now, read_groups
-from studies.evidence.page import faults_of, judged, markdown, write_ledger
+from studies.evidence.page import faults_of, judged, markdown, read_ledger, write_ledger
 from studies.evidence.planting import given, numbers_of, repeated, replaced, result_of
 from studies.frame import loaded
 from towval.model.errors import InputError, RefusedError, TowvalError
@@ -124,7 +124,7 @@ def test_the_page_shows_what_holds_and_what_noticed_the_faults(tmp_path, monkeyp
     monkeypatch.setattr("studies.evidence.page.read_groups", lambda: {"bar": GROUP})
     page, data = tmp_path / "evidence.md", tmp_path / "evidence.json"
     write_ledger(outcomes(tmp_path), tmp_path / "none.json", [page, data])
-    (first, second) = json.loads(data.read_text(encoding="utf-8"))["groups"]["bar"]["rows"]
+    (first, second) = read_ledger(data)["bar"]["rows"]
     assert first["holds"]
     assert [control["noticed"] for control in first["controls"]] == [True, True]
     assert [control["noticed"] for control in second["controls"]] == [False, True]
@@ -133,7 +133,7 @@ def test_the_page_shows_what_holds_and_what_noticed_the_faults(tmp_path, monkeyp
     assert "took 90 minutes of CPU time" in markdown({"bar": GROUP, "rod": replace(GROUP, name="rod")}, hours)
     # What is not made again keeps what is known of it.
     write_ledger([], data, [data])
-    assert json.loads(data.read_text(encoding="utf-8"))["groups"]["bar"]["rows"][0] == first
+    assert read_ledger(data)["bar"]["rows"][0] == first
 
 
 def test_outcomes_that_are_kept_are_decided_by_the_present_rows_and_faults(tmp_path, monkeypatch):
@@ -142,7 +142,7 @@ def test_outcomes_that_are_kept_are_decided_by_the_present_rows_and_faults(tmp_p
     def rows_for(group):
         monkeypatch.setattr("studies.evidence.page.read_groups", lambda: {"bar": group})
         write_ledger([], data, [data])
-        return json.loads(data.read_text(encoding="utf-8"))["groups"]["bar"]["rows"]
+        return read_ledger(data)["bar"]["rows"]
 
     monkeypatch.setattr("studies.evidence.page.read_groups", lambda: {"bar": GROUP})
     write_ledger(outcomes(tmp_path), tmp_path / "none.json", [data])
@@ -166,7 +166,7 @@ def test_a_row_that_does_not_hold_and_a_fault_that_nobody_notices_end_with_an_er
     monkeypatch.setattr("studies.evidence.page.read_groups", lambda: {"bar": strict})
     with pytest.raises(TowvalError, match="does not hold"):
         write_ledger(outcomes(tmp_path), tmp_path / "none.json", [tmp_path / "evidence.json"])
-    assert not json.loads((tmp_path / "evidence.json").read_text(encoding="utf-8"))["groups"]["bar"]["rows"][0]["holds"]
+    assert not read_ledger(tmp_path / "evidence.json")["bar"]["rows"][0]["holds"]
 
 
 def test_ways_to_plant_a_fault():
@@ -271,14 +271,14 @@ def test_every_check_has_faults_that_can_be_planted(name):
 
 def test_the_ledger_in_the_documents_is_that_of_the_table(repository):
     """Each row of the table is in the JSON as it is stated, and the page is made from the JSON."""
-    found = json.loads((repository / "docs" / "evidence.json").read_text(encoding="utf-8"))["groups"]
+    found = read_ledger(repository / "docs" / "evidence.json")
     stated = {name: [(each.name, each.stated) for each in group.statements] for name, group in GROUPS.items()}
     assert {name: [(row["name"], row["stated"]) for row in found[name]["rows"]] for name in found} == stated
     assert (repository / "docs" / "evidence.md").read_text(encoding="utf-8") == markdown(GROUPS, found)
 
 
 def test_every_row_that_was_made_holds_and_has_a_control_that_fails(repository):
-    found = json.loads((repository / "docs" / "evidence.json").read_text(encoding="utf-8"))["groups"]
+    found = read_ledger(repository / "docs" / "evidence.json")
     made = {name: group for name, group in found.items() if "date" in group}
     assert len(made) > 10
     assert [fault for name, group in made.items() for fault in faults_of(name, group)] == []
