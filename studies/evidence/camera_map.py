@@ -16,7 +16,6 @@ from studies.camera_faults.faults import FAULTS
 from studies.camera_faults.tows import filmed_tow
 from studies.camera_faults.trial import Footage
 from studies.evidence.cameras import aside, left_out
-from studies.evidence.compute import shared_folder
 from studies.evidence.ledger import Check, Values
 from studies.evidence.planting import both, replaced, result_of
 from studies.tables import calibration_faults
@@ -108,13 +107,6 @@ def _of_boards() -> Values:
     return found | {f"{fault}, findings": _joined(sorted(each)) for fault, each in codes.items()}
 
 
-def _of_lab_c() -> Values:
-    """How many faults at their middle strength ended in each way on another program's footage; which are silent."""
-    with filmed(f"{shared_folder() / 'footage' / 'lab_c'}:g:8") as (source, camera):
-        table = _table(source, camera, _MIDDLE)
-    return _totals(table)
-
-
 _LEFT_OUT = replaced(_HERE, "FAULTS", lambda faults: [left_out(each) for each in faults])
 _CONTROLS = {
     "the faults are left out": _LEFT_OUT,
@@ -125,7 +117,6 @@ _CONTROLS = {
 
 OF_RUN = Check(_of_run, _CONTROLS)
 OF_TOWS = Check(_of_tows, _CONTROLS)
-OF_LAB_C = Check(_of_lab_c, _CONTROLS, needs=("footage/lab_c",))
 
 
 def _halved(found: UncertaintyMap) -> UncertaintyMap:
