@@ -157,6 +157,15 @@ class Run {
     this.video.currentTime = this.start + film_s[i] + length / 4;
   }
 
+  // A browser may present a frame without a call: where the film stands still, its clock says which one it shows.
+  settle() {
+    requestAnimationFrame(() => requestAnimationFrame(() => {
+      if (!this.ready || this.seeking || !this.video.paused) { return; }
+      const frame = before(this.series.film_s, this.video.currentTime - this.start + 1e-4);
+      if (frame !== this.presented) { this.presented = frame; this.show(frame); }
+    }));
+  }
+
   prepare(video) {
     this.video = video;
     this.canvas = this.one("canvas");
@@ -178,7 +187,7 @@ class Run {
       });
     }
     video.addEventListener("click", () => play.click());
-    video.addEventListener("seeked", () => { this.seeking = false; this.seek(); });
+    video.addEventListener("seeked", () => { this.seeking = false; this.seek(); this.settle(); });
     video.addEventListener("error", () => { if (video.src) { this.one(".unplayable").hidden = false; this.stop(); } });
     this.one(".unplayable input").addEventListener("change", (event) => this.open(event.target.files[0]));
     this.one(".enlarge").addEventListener("click", () => this.one(".stage").requestFullscreen());
