@@ -25,7 +25,7 @@ from towval.model import UncertaintyMap
 
 _HERE = sys.modules[__name__]
 _CAMPAIGN = Path("data_samples/lab_small")
-_TOWS = range(7710, 7715)
+_TOWS = range(7710, 7720)
 _ALL, _MIDDLE = (0, 1, 2), (1,)
 
 
