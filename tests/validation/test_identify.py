@@ -8,7 +8,8 @@ import pytest
 import validation_case
 from studies.worlds.scenes import drive
 from towval.model import Load, Tether, TrackStatus
-from towval.model.errors import InputError
+from towval.model.errors import InputError, RefusedError
+from towval.model.findings import finding
 from towval.model.inputs import Realisation
 from towval.validation.decimate import decimate
 from towval.validation.identify import IdentifySettings, MeasuredRun, _Fit, _identifiability, identify
@@ -91,6 +92,23 @@ def test_inputs_that_turn_the_object_are_not_mistaken_for_friction(scene, measur
     std = np.sqrt(found.covariance[0, 0])
     assert abs(found.values[0] - 0.32) < 2.5 * std
     assert std < 0.008
+
+
+def test_a_run_that_cannot_be_judged_has_no_say(scene, measure):
+    """Were its poses at the times of another motion, no value would fit both."""
+    right, other = measure(replace(scene, tether=Tether(0.63, 800.0)), 2)
+    slower = replace(other.object_track, time_s=1.2 * other.object_track.time_s)
+    wrong = finding("stamps_contradicted", count=3, first_s=1.0, last_s=2.0)
+    other = replace(other, object_track=slower, findings=(wrong,))
+    settings = IdentifySettings(("rest_length",))
+    found, alone_found = (identify(scene, DEVIATIONS, runs, settings) for runs in ((right, other), (right,)))
+    assert found.runs == ("r0",)
+    np.testing.assert_array_equal(found.values, alone_found.values)
+    left = next(each for each in found.findings if each.code == "identify_left_out")
+    assert "Run r1" in left.text
+    assert wrong.text in left.text
+    with pytest.raises(RefusedError, match="r1: "):
+        identify(scene, DEVIATIONS, [other], settings)
 
 
 def alone(runs):

@@ -55,13 +55,15 @@ def run(campaign: Path, results: Path, output: Path, keys: Mapping[str, Any] | N
 
 def _measured(name: str, paths: Mapping[str, Path]) -> MeasuredRun:
     thin, simulated = read_decimated(paths["decimate"]), read_simulated(paths["simulate"])
+    measured, uncertainty = read_tracks(paths["track"])["object"], read_uncertainty(paths["uncertainty"], draws=False)
     return MeasuredRun(
         name=name,
         rover=thin["rover"],
         towed=thin["object"],
-        object_track=read_tracks(paths["track"])["object"],
+        object_track=measured,
         time_s=simulated.time_s,
-        measurement=read_uncertainty(paths["uncertainty"], draws=False).measurement,
+        measurement=uncertainty.measurement,
         rung=simulated.rung,
         sticking=simulated.sticking,
+        findings=(*uncertainty.upstream, *measured.findings, *simulated.findings, *uncertainty.findings),
     )

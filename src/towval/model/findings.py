@@ -429,6 +429,10 @@ register(  # uncertainty, compare, identify
         "identify_one_run", "identify", WARNING, NONE,
         "One run only: no other run is left for the identified values to predict.",
     ),
+    FindingType(
+        "identify_left_out", "identify", WARNING, NONE,
+        "Run {run} was left out of the identification, because it cannot be judged: {reason}",
+    ),
     FindingType("not_identifiable", "identify", WARNING, NONE, "Not identifiable: {names}; {reason}."),
     FindingType(
         "identify_misfit", "identify", (Severity.WARNING, Severity.NOTE), NONE,

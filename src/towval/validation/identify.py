@@ -19,6 +19,7 @@ from towval.model.geometry import block_means, pose_difference
 from towval.model.inputs import IDENTIFIABLE, Realisation, UncertainInput, titled
 from towval.model.run_record import measured_poses
 from towval.physics.ladder import DYNAMICS
+from towval.validation.consequences import forbidding
 from towval.validation.hinge_trajectory import hinge_trajectory
 from towval.validation.scene_model import SceneModel
 
@@ -75,7 +76,7 @@ class MeasuredRun:
 
     ``name``; the decimated tracks of both bodies and the object's track; ``time_s`` (n,) at which it was simulated and
     ``measurement`` (n, 3, 3) the covariance of the measured pose there; ``rung`` of the model that simulated it
-    and whether it was ``sticking``.
+    and whether it was ``sticking``; ``findings`` of all stages so far.
     """
 
     name: str
@@ -86,6 +87,7 @@ class MeasuredRun:
     measurement: Array
     rung: str
     sticking: bool = False
+    findings: tuple[Finding, ...] = ()
 
 
 def identify(
@@ -105,9 +107,12 @@ def identify(
     The sum of squares has many minima. It is computed at the values of campaign.yaml and at 64 points of a Sobol
     sequence over the searched range; fits start at the best three, and the best fit counts.
 
+    Runs whose findings leave them without a verdict are left out, with a finding for each: poses at wrong times, say,
+    would be fitted by wrong values.
+
     ``deviations`` are those of the inputs by name; those of fitted inputs are for comparison only. `InputError` where
-    no parameter is named, or one of a load that is absent; `RefusedError` where a simulation ends early within the
-    searched range.
+    no parameter is named, or one of a load that is absent; `RefusedError` where all runs are left out, or where a
+    simulation ends early within the searched range.
     """
     if not settings.parameters or not runs:
         raise InputError("there is nothing to identify", allowed=f"one or more of {', '.join(IDENTIFIABLE)}, and a run")
@@ -118,12 +123,13 @@ def identify(
             got=", ".join(missing),
             remedy="leave them out",
         )
+    runs, left_out = _sound(runs)
     fit = _Fit(Realisation.nominal(scene), deviations, settings)
     found, by_others = fit.fitted(runs)
     covariance = fit.covariance(runs, found, by_others)
     identifiable, findings = _identifiability(settings.parameters, covariance, fit.reach)
     identifiable, further = _trust(found, by_others, fit, identifiable)
-    findings += further
+    findings += [*further, *left_out]
     predictions = _predictions(fit, found, by_others, runs) if len(runs) > 1 else []
     if len(runs) == 1:
         findings.append(finding("identify_one_run"))
@@ -138,6 +144,16 @@ def identify(
         predictions=tuple(predictions),
         findings=tuple(findings),
     )
+
+
+def _sound(runs: Sequence[MeasuredRun]) -> tuple[list[MeasuredRun], list[Finding]]:
+    """The runs that can be judged, and a finding for each of the others."""
+    reasons = {run.name: forbidding(run.findings) for run in runs}
+    sound = [run for run in runs if not reasons[run.name]]
+    if not sound:
+        name, texts = next(iter(reasons.items()))
+        raise RefusedError("no run can be judged, so none is fit to identify inputs from", got=f"{name}: {texts[0]}")
+    return sound, [finding("identify_left_out", run=name, reason=texts[0]) for name, texts in reasons.items() if texts]
 
 
 @dataclass(frozen=True)
