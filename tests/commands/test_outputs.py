@@ -239,6 +239,19 @@ def test_what_a_run_left_that_the_report_leaves_out_is_no_fault(tmp_path):
         verify.run(tmp_path)
 
 
+def test_a_figure_is_of_the_run_that_its_whole_name_tells(tmp_path):
+    """A figure of the calibration was said to be made of a run that is called as the end of its name."""
+    figures = [tmp_path / "figures" / f"{name}.svg" for name in ("calibration_coverage", "decimate_coverage")]
+    figures[0].parent.mkdir()
+    for path in figures:
+        path.touch()
+    write_mcap(tmp_path / "coverage" / "track.mcap", [], {}, provenance("track", None, {}, run="coverage"))
+    write_manifest(tmp_path / MANIFEST, [*figures, tmp_path / "coverage" / "track.mcap"])
+    of_calibration, of_run = verify.run(tmp_path).details[-2:]
+    assert of_calibration.endswith("from all results of the campaign")
+    assert of_run.endswith("from coverage/*.mcap, camera.mcap")
+
+
 def test_a_video_of_any_name_is_a_file_of_the_lab(tmp_path):
     """One named as the film that towval overlay draws was looked for among the results."""
     lab, results = tmp_path / "lab", tmp_path / "results"

@@ -3,6 +3,7 @@
 import json
 import os
 import shlex
+import shutil
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -18,7 +19,7 @@ from towval.commands.settings import settings_from
 from towval.io.atomic import check_own
 from towval.io.campaign import Campaign, load_campaign
 from towval.io.chain import Origin, check_made_of, read_origin
-from towval.io.manifest import MANIFEST, check_list, write_manifest
+from towval.io.manifest import MANIFEST, check_list, read_manifest, write_manifest
 from towval.io.provenance import file_hash
 from towval.io.reading import is_plain_file
 from towval.io.records import read_calibration
@@ -78,9 +79,13 @@ def run(
         repeats=repeats,
         identification=None if identified is None else read_identification(identified),
     )
-    write_report(results / "report.html", data, results / "figures", _PROCESSES)
-    write_summary(results / "summary.csv", [item.record.comparison for item in runs])
-    write_manifest(results / MANIFEST, _made(results, given, identified))
+    drawn = results / ".figures"
+    shutil.rmtree(drawn, ignore_errors=True)  # of a call that was killed
+    drawn.mkdir()
+    write_report(results / "report.html", data, drawn, _PROCESSES)
+    figures = _put_in_place(drawn, results / "figures")
+    tables = write_summary(results / "summary.csv", [item.record.comparison for item in runs])
+    write_manifest(results / MANIFEST, [*_made(results, given, identified), *figures, *tables])
     verdicts = {item.record.name: item.record.comparison.verdict.value for item in runs}
     text = "; ".join(f"run {name} {verdict}" for name, verdict in verdicts.items())
     written = (results / "report.html", results / "summary.csv")
@@ -121,12 +126,24 @@ def _left_out(given: Campaign) -> list[Finding]:
     return [finding("runs_left_out", runs=reasons)] if reasons else []
 
 
+def _put_in_place(drawn: Path, figures: Path) -> list[Path]:
+    """Move figures into their folder, and remove those of the last report that are drawn no more, as it left them."""
+    figures.mkdir(exist_ok=True)
+    placed = [path.replace(figures / path.name) for path in sorted(drawn.iterdir())]
+    drawn.rmdir()
+    manifest = figures.parent / MANIFEST
+    for row in read_manifest(manifest) if is_plain_file(manifest) else ():
+        path = figures.parent / row.name
+        if path.parent == figures and path not in placed and row.found == row.stated:
+            path.unlink()
+    return placed
+
+
 def _made(results: Path, given: Campaign, identified: Path | None) -> list[Path]:
-    """The files of a campaign's results up to the page."""
+    """The files of a campaign's results up to the page, without figures and tables."""
     runs = [results / name for name in given.runs]
     found = [path for folder in runs for path in files(folder).values()]
-    found += [results / name for name in ("camera.mcap", "report.html", "summary.csv")]
-    found += [path for path in (results / "figures").iterdir() if path.is_file()]
+    found += [results / "camera.mcap", results / "report.html"]
     return found if identified is None else [*found, identified, identified.with_suffix(".csv")]
 
 

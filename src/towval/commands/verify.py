@@ -15,6 +15,7 @@ from towval.io.reading import is_plain_file
 from towval.io.records.identification import identified_table, read_identification
 from towval.io.results_index import current_runs
 from towval.model.errors import InputError, TowvalError
+from towval.report.contents import RUN_FIGURES
 
 _SHORT = 12
 """Digits of a hash that are printed."""
@@ -150,8 +151,8 @@ def _derivations(results: Path, origins: dict[Path, Origin]) -> Iterator[str]:
     for path, origin in origins.items():
         made_of = ", ".join(f"{name} {digest[:_SHORT]}" for name, digest in origin.inputs.items())
         yield f"{path.relative_to(results)} {file_hash(path)[:_SHORT]} from {made_of}"
-    runs = sorted({origin.run for origin in origins.values() if origin.run}, key=len, reverse=True)
+    runs = sorted({origin.run for origin in origins.values() if origin.run})
     for path in sorted((results / "figures").glob("*")):
-        owner = next((run for run in runs if path.stem.endswith(f"_{run}")), None)
+        owner = next((run for run in runs if path.stem.removesuffix(f"_{run}") in RUN_FIGURES), None)
         source = f"{owner}/*.mcap, camera.mcap" if owner else "all results of the campaign"
         yield f"figures/{path.name} {file_hash(path)[:_SHORT]} from {source}"

@@ -41,10 +41,12 @@ def summary_latex(comparisons: Sequence[Comparison]) -> str:
     return "\n".join([*_LATEX_HEAD, *rows, r"\bottomrule", r"\end{tabular}}", ""])
 
 
-def write_summary(path: Path, comparisons: Sequence[Comparison]) -> None:
-    """Write ``summary.csv``, and beside it the same for LaTeX, ``figures/summary.tex``."""
+def write_summary(path: Path, comparisons: Sequence[Comparison]) -> tuple[Path, Path]:
+    """Write ``summary.csv``, and beside it the same for LaTeX, ``figures/summary.tex``; returns both paths."""
+    for_latex = path.parent / "figures" / "summary.tex"
     write_text(path, summary_csv(comparisons), own=SUMMARY_MARK)
-    write_text(path.parent / "figures" / "summary.tex", summary_latex(comparisons))
+    write_text(for_latex, summary_latex(comparisons))
+    return path, for_latex
 
 
 _LATEX_HEAD = (
