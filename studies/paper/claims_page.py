@@ -14,6 +14,7 @@ import pandas as pd
 from studies.evidence.compute import commit
 from studies.frame import read_table
 from studies.paper.claims import CLAIMS
+from studies.paper.controls import Place
 from studies.paper.ledger import ClaimClass, ClaimOutcome, decided, without_control
 from towval.io.atomic import write_text
 from towval.model.errors import RefusedError
@@ -77,6 +78,8 @@ def markdown(rows: Sequence[Mapping[str, str]], made: Mapping[str, str]) -> str:
         _HEAD,
         _counted(rows),
         "",
+        _places(rows),
+        "",
         f"Made on {made['date']} at commit {made['commit']} with {made['versions']}. Times are those of "
         f"{made['machine']}.",
         "",
@@ -94,6 +97,12 @@ def markdown(rows: Sequence[Mapping[str, str]], made: Mapping[str, str]) -> str:
         optional = {"Control": "control", "Other settings": "variants", "Note": "note", "To decide it": "takes"}
         lines += [f"- {title}: {row[name]}" for title, name in optional.items() if row[name]]
     return "\n".join(lines) + "\n"
+
+
+def _places(rows: Sequence[Mapping[str, str]]) -> str:
+    """Where the faults of the controls are: those in the program alone show that a wrong program is noticed."""
+    counts = {place: sum(row["control"].count(f", {place}: ") for row in rows) for place in Place}
+    return "Of the controls " + ", ".join(f"{count} are {place}" for place, count in counts.items()) + "."
 
 
 def _counted(rows: Sequence[Mapping[str, str]]) -> str:
