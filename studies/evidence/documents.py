@@ -4,10 +4,11 @@
 
 A paragraph, list or table with a number and a unit is marked, in a comment at its end or after the heading of its
 section: ``<!-- evidence: group, group -->`` where the numbers are results, which then have to be in rows of these
-groups of ``rows.yaml``, or ``<!-- settings -->`` where they are settings, definitions and examples. Of a table that is
-marked as evidence every number counts, with a unit or without, and a group's ``conditions`` do not found it; a column
-headed "required" is left out. What is compared is the number, rounded as it is written or in a unit a thousand times as
-large or small, not its place in the sentence. Pages that a command makes are left out.
+groups of ``rows.yaml``, or ``<!-- settings -->`` where they are settings, definitions and examples. In what is marked
+as evidence decimal numbers count without a unit as well. Of a table that is evidence every number counts, and a group's
+``conditions`` do not found it; a column headed "required" is left out. What is compared is the number, rounded as it is
+written or in a unit a thousand times as large or small, not its place in the sentence. Pages that a command makes are
+left out.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ _UNIT = (
 )
 _JOINED = r"(?:\s*(?:,|/|to|and|or|±|–)\s*)"
 _MEASURE = re.compile(rf"(?<![\w.])((?:{_NUMBER}{_JOINED})*{_NUMBER})\s?{_UNIT}(?![\w/²³])")
+_DECIMAL = re.compile(r"(?<![\w.,])\d[\d,]*\.\d+(?![\w.])")
 _MARK = re.compile(r"<!-- (evidence: ([\w, ]+)|settings) -->")
 _MEASURED = re.compile(
     rf"{_NUMBER}\s?(?:mm|µm|°|px)[^.|]*\bRMS\b|\bRMS[^.|]*{_NUMBER}\s?(?:mm|µm|°|px)|predicted / actual"
@@ -56,14 +58,15 @@ class Passage:
 
     @property
     def numbers(self) -> list[str]:
-        """Numbers with a unit; of a table that is evidence all numbers beyond its first column and its head."""
+        """Numbers with a unit, in evidence decimal ones without; of a table of it all beyond first column and head."""
         if self.groups and self.is_table:
             head, _, *rows = (line.strip().strip("|").split("|") for line in self.text.splitlines())
             results = [k for k, name in enumerate(head) if k > 0 and name.strip() != "required"]
             cells = [re.sub("`[^`]*`", "", row[k]) for row in rows for k in results]
             return [number for cell in cells for number in re.findall(rf"(?<![\w.]){_NUMBER}", cell)]
         plain = re.sub("`[^`]*`", "", self.text)
-        return [number for found in _MEASURE.findall(plain) for number in re.findall(_NUMBER, found)]
+        measures = [number for found in _MEASURE.findall(plain) for number in re.findall(_NUMBER, found)]
+        return list(dict.fromkeys(measures + (_DECIMAL.findall(plain) if self.groups else [])))
 
 
 def passages(document: str, text: str) -> Iterator[Passage]:

@@ -240,7 +240,8 @@ def test_a_number_is_founded_as_it_is_rounded_or_in_another_unit(stated, written
 @pytest.mark.parametrize(
     ("old", "new", "what"),
     [
-        ("at 20°", "at 20°, 3 mm too short", "no row has 3"), ("bar -->\n\n## S", "foo -->\n\n## S", "no group foo"),
+        ("at 20°", "at 20°, 3 mm too short", "no row has 3"), ("at 20°", "at 20°, 1.7 times", "no row has 1.7"),
+        ("bar -->\n\n## S", "foo -->\n\n## S", "no group foo"),
         ("<!-- settings -->\n", "", "without a mark"), ("| bar 9 | 2.0 |", "| bar 9 | 2.1 |", "no row has 2.1"),
         ("| bar 9 | 2.0 |", "| bar 9 | 2.04 |", "no row has 2.04"),
         ("| bar 9 | 2.0 |", "| bar 9 | 3 |", "no row has 3"),
