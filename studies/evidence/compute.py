@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import time
+from collections.abc import Sequence
 from contextlib import nullcontext
 from datetime import UTC, datetime
 from pathlib import Path
@@ -67,8 +68,10 @@ def commit() -> str:
     return f"{head}{'+' if changed else ''}" if head else "–"
 
 
-def changed_since(made_at: str, check: str) -> int | None:
+def changed_since(made_at: str, check: str, runs: Sequence[str] = ()) -> int | None:
     """How many files of a check's module and of all it imports differ from those of the commit it was made at.
+
+    With ``runs``, folders of the repository, the files in them count as well.
 
     The rows do not count: what is stated is no part of how it is measured. None where that cannot be told: the commit
     is not in this clone, or this is none.
@@ -78,7 +81,7 @@ def changed_since(made_at: str, check: str) -> int | None:
         return None
     method = set(module_files(module_of(check))) - {ROWS}
     files = [str(path) for path in sorted(method) if path.is_relative_to(REPOSITORY)]
-    return len((_git("diff", "--name-only", base, "--", *files) or "").splitlines())
+    return len((_git("diff", "--name-only", base, "--", *files, *runs) or "").splitlines())
 
 
 def _git(*words: str) -> str | None:

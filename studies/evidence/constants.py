@@ -45,4 +45,5 @@ MUTANTS = Check(
             ),
         )
     },
+    runs=("src/towval/tracking", "src/towval/calibration", "tests/tracking", "tests/calibration"),
 )

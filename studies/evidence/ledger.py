@@ -61,6 +61,8 @@ class Check:
     measure: Callable[[], Values]
     faults: Mapping[str, Callable[[], AbstractContextManager[object]]]
     needs: tuple[str, ...] = ()
+    runs: tuple[str, ...] = ()
+    """Folders of the repository whose code it runs in other processes: what they import does not show them."""
 
     def missing(self, shared: Path) -> list[str]:
         """What is needed and not here: names with a slash are folders, the others modules or programs."""

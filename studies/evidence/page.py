@@ -33,9 +33,9 @@ group here.
 - Any of a group's numbers is measured again, with or without a fault, by `python -m studies.evidence.show GROUP`;
   *command* is what a user would run for the like.
 - *Control* plants a fault and decides the row again; "noticed" where the row then fails, as it must; None: the number
-  is not made then, which is no notice. A fault's words say where it is: in the program, in what is given to it, or in
-  the result as it is read, which shows no more than that the row can fail. Long checks are not made with the others but
-  when asked for, `snakemake evidence --config long=[GROUP]`.
+  is not made then, which is no notice; nan: it is sought and there is none, which is. A fault's words say where it is:
+  in the program, in what is given to it, or in the result as it is read, which shows no more than that the row can
+  fail. Long checks are not made with the others but when asked for, `snakemake evidence --config long=[GROUP]`.
 """
 
 
@@ -155,7 +155,7 @@ def _noticed(each: Statement, measured: float | str | None) -> bool:
 
 def _age(group: Group, found: Mapping[str, Any]) -> dict[str, Any]:
     """How many files have changed since an outcome was made, where that can be told."""
-    changed = changed_since(found["commit"], group.check) if "commit" in found else None
+    changed = changed_since(found["commit"], group.check, loaded(group.check).runs) if "commit" in found else None
     return {} if changed is None else {"changed_files": changed}
 
 
