@@ -189,6 +189,7 @@ DECIMATED_RATES = Check(
         "the stage's noise is taken, in both": replaced(
             _HERE, "without_noise_in_motion", lambda _: lambda original: original
         ),
+        "the rover's poses are a frame late": replaced(track, "track", result_of(_late)),
     },
     needs=("footage/lab_a",),
 )

@@ -38,7 +38,15 @@ def _clicked() -> Values:
 
 _TURNED = result_of(lambda found: ([compose(pose, np.array([0.0, 0.0, np.pi])) for pose in found[0]], found[1]))
 
-WITHOUT_CLICKS = Check(_without_clicks, {"half-turns are settled the wrong way": replaced(start, "_turned", _TURNED)})
+_BESIDE = result_of(lambda found: (found[0] + np.array([0.01, 0.0, 0.0]), found[1]))
+
+WITHOUT_CLICKS = Check(
+    _without_clicks,
+    {
+        "half-turns are settled the wrong way": replaced(start, "_turned", _TURNED),
+        "tops are settled 10 mm to one side": replaced(start, "settled", _BESIDE),
+    },
+)
 
 
 def _as_clicked(_: Any) -> Any:

@@ -92,6 +92,7 @@ def test_files_that_changed_since_an_outcome_are_counted(tmp_path, monkeypatch):
     monkeypatch.setattr(compute, "module_files", lambda _: [used, Path("/elsewhere/library.py")])
     other.write_text("2\n")
     assert compute.changed_since(head, "used:CHECK") == 0
+    assert compute.changed_since(head, "used:CHECK", ["other.py"]) == 1  # what runs in another process
     used.write_text("2\n")
     assert compute.changed_since(head, "used:CHECK") == 1
     assert compute.changed_since(f"{head[:7]}+", "used:CHECK") == 1
