@@ -1,12 +1,11 @@
 """What the system refuses Snakemake is one message of ``towval run``; a fault of a program stays a traceback."""
 
 import signal
-from pathlib import Path
 
 import pytest
 from snakemake.cli import parse_config
 
-from towval.commands.workflow import _as_path, _system_errors_reported
+from towval.commands.workflow import _as_yaml, _system_errors_reported
 
 FRAMES = ["Traceback (most recent call last):\n", "\n", '  File "cli.py", line 1, in main\n', "    os.makedirs(path)\n"]
 
@@ -57,15 +56,14 @@ def test_an_interruption_of_snakemake_is_no_traceback():
     assert list(_system_errors_reported(lines)) == ["before\n", "after\n"]
 
 
-@pytest.mark.parametrize("name", ["1", "True", "[x]", "-dash", "lab", "a/b"])
-def test_a_path_is_no_number(name):
-    assert _as_path(Path(name)) == f"./{name}"
-    assert _as_path(Path("/") / name) == f"/{name}"
+QUOTED = ['it\'s "quoted"', "lab'", '"lab"']
+NAMES = [*QUOTED, "1", "True", "[x]", "-dash", "lab", "a/b", "lab #2", "a: b", "a:", "lab ", "日本 🎈"]
 
 
-@pytest.mark.parametrize("name", ['it\'s "quoted"', "lab'", '"lab"'])
-def test_quotes_at_the_end_of_a_path_reach_the_workflow(name):
-    assert Path(parse_config([f"campaign={_as_path(Path(name))}"])["campaign"]) == Path(name)
+@pytest.mark.parametrize("name", [*NAMES, *(f"/tmp/{name}" for name in NAMES)])
+def test_a_path_reaches_the_workflow_as_it_is(name):
+    """As plain text ``lab #2`` was read as ``lab``: the results of one campaign went to, or came from, another."""
+    assert parse_config([f"campaign={_as_yaml(name)}"]) == {"campaign": name}
 
 
 def test_a_traceback_that_the_end_of_the_call_cuts_off_is_left_out():

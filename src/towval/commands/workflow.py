@@ -71,7 +71,7 @@ def run(
     if cores is not None and cores < 1:
         raise InputError("--cores asks for none", got=cores, allowed="1 or more, or leave it out for all")
     given = load_campaign(campaign)
-    places = {"campaign": _as_path(campaign), "results": _as_path(results)}
+    places = {"campaign": str(campaign), "results": str(results)}
     stated = nested(keys or {})
     for key in (*places, "campaigns"):
         if key in stated:
@@ -80,7 +80,8 @@ def run(
     check(config, packaged_schema("config.schema.yaml"), "the settings")
     snakefile = str(resources.files("towval").joinpath("workflow", "Snakefile"))
     line = [sys.executable, "-m", "snakemake", "--snakefile", snakefile, "--cores", str(cores or os.cpu_count() or 1)]
-    line += [*SNAKEMAKE, *_options(snakemake), "--config", *(f"{key}={_text(value)}" for key, value in config.items())]
+    line += [*SNAKEMAKE, *_options(snakemake), "--config"]
+    line += [f"{key}={_as_yaml(value)}" for key, value in config.items()]
     made = results / given.name
     before, nothing_to_do = _made_ns(made / "report.html"), False
     # What the stages say goes where progress goes: standard output has the outcome only.
@@ -226,12 +227,6 @@ def _holds_sample(folder: Path, sample: Path) -> bool:
     return kept and (folder / "campaign.yaml").is_file()
 
 
-def _as_path(path: Path) -> str:
-    """A path that Snakemake takes for a text, also where it is named 1 or [x], and whole where it ends with a quote."""
-    text = str(path) if path.is_absolute() else os.path.join(".", path)
-    return f"{text}/." if text.endswith(("'", '"')) else text
-
-
 def _system_errors_reported(lines: Iterable[str], ended_by: Collection[int] = ()) -> Iterator[str]:
     """The lines, with one message in place of all of Snakemake's tracebacks over one error of the system.
 
@@ -290,8 +285,9 @@ _REFUSED = re.compile(
 _REMEDY = "make room, or choose folders that can be written (also HOME and TMPDIR); what is finished stays"
 
 
-def _text(value: Any) -> str:
-    return value if isinstance(value, str) else json.dumps(value)
+def _as_yaml(value: Any) -> str:
+    """A value that Snakemake reads as it is, also a path named 1 or ``lab #2``; it strips quotes off both ends."""
+    return f" {json.dumps(value, ensure_ascii=False)} "
 
 
 def _lines(runs: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
