@@ -307,6 +307,24 @@ def test_wrong_input_is_one_message_without_a_traceback(lab, tmp_path):
     assert "Traceback" not in printed
 
 
+@pytest.mark.parametrize(
+    ("line", "argument", "told"),
+    [
+        ("compare: {bound_confidence: 0.9}", "quick=true", "is not valid YAML\n  got: the key 'compare' is given"),
+        ("results: 2026-11-30", "quick=true", "results is datetime.date(2026, 11, 30); allowed: a text"),
+        ("", "campaigns=5", "config: campaigns is 5; allowed: a list"),
+    ],
+)
+def test_settings_that_would_be_lost_or_misread_are_one_message(repository, tmp_path, line, argument, told):
+    """Of two sections of one name the first was dropped, and the tolerance in it with it."""
+    given = ["compare: {tolerance_m: 0.005}", *([] if "results" in line else ["results: results"])]
+    (tmp_path / "config.yaml").write_text("\n".join([*given, line]))
+    answer = Lab(repository, tmp_path).snakemake(argument, "--dry-run")
+    assert answer.returncode == 1
+    assert told in answer.stderr
+    assert "Traceback" not in answer.stderr
+
+
 def test_a_video_that_is_none_fails_alone(lab, tmp_path):
     """The error of one job is told once, without a traceback, and what was made before stays."""
     folder = tmp_path / "synthetic"

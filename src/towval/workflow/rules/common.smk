@@ -9,6 +9,7 @@ from towval.io.manifest import MANIFEST, check_results
 from towval.io.provenance import canonical, content_hashes, file_hash, module_hash, read_sections
 from towval.io.schema import check, packaged_schema, with_plain_values, without_defaults
 from towval.io.workflow_lock import clear_stale_locks
+from towval.io.yaml_text import read_yaml
 from towval.model.presets import STANDARD, settings_of
 
 
@@ -30,9 +31,10 @@ if str(config.get("quick")).lower() in ("true", "false"):
 # Snakemake reads 1e-7 as a text and, within braces on the command line, every value.
 config.update({name: with_plain_values(section) for name, section in config.items() if isinstance(section, dict)})
 
-for folder in config.get("campaigns") or [config.get("campaign")]:
-    if not isinstance(folder, str):
-        sys.exit(f"towval: the folder of a campaign is read as {folder!r}\n  what to do: write campaign=./NAME")
+for file in map(Path, workflow.configfiles):
+    # Of two sections of one name Snakemake takes the second, without a word. JSON may hold tabs, which YAML refuses.
+    if file.is_file() and file.suffix != ".json":
+        or_exit(read_yaml, file)
 
 or_exit(check, config, packaged_schema("config.schema.yaml"), "config")
 
