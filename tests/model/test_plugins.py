@@ -47,6 +47,14 @@ def test_a_plugin_that_cannot_be_imported_is_named(load, listed):
         load(listed)
 
 
+@pytest.mark.parametrize("name", ["json", "statistics", "scipy"])
+def test_a_plugin_does_not_take_the_place_of_another_module(load, tmp_path, name):
+    """A plugin json.py was what the package imported as json from then on: it ended with a traceback."""
+    (tmp_path / f"{name}.py").write_text("MU = 0.3\n")
+    with pytest.raises(InputError, match=f"another module is named {name}: rename the file"):
+        load(f"{tmp_path}/{name}.py")
+
+
 def test_a_plugin_that_fails_says_how(load, tmp_path):
     (tmp_path / "broken.py").write_text("1 / 0\n")
     with pytest.raises(InputError, match="ZeroDivisionError"):

@@ -107,6 +107,9 @@ def _sources(module: ModuleType) -> list[Path]:
 
 
 def _from_file(path: Path) -> ModuleType:
+    known = importlib.util.find_spec(path.stem) if path.stem.isidentifier() else None
+    if known is not None and known.origin and Path(known.origin).resolve() != path.resolve():
+        raise ImportError(f"another module is named {path.stem}: rename the file")  # it would take that one's place
     spec = importlib.util.spec_from_file_location(path.stem, path)
     if spec is None or spec.loader is None:
         raise ImportError(f"{path} is no Python file")
