@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
-from towval.model.compiling import _compiling_files, compiled
+from towval.model.compiling import _cache_folder, _compiling_files, compiled
 
 CALLER = """
 from towval.model.compiling import compiled
@@ -129,6 +129,21 @@ def test_old_caches_do_not_pile_up(sources: Path) -> None:
         (sources / "helper.py").write_text(HELPER.format(factor=float(factor)))
         assert call(sources)[0] == pytest.approx(6.0 * factor)
     assert len(list((sources / "__pycache__").glob("compiled-*"))) == 3
+
+
+def test_processes_that_start_together_may_remove_the_same_caches(sources: Path, tmp_path: Path, monkeypatch) -> None:
+    """One looked at the age of a folder that another had just removed: its import ended with a traceback."""
+    for number in range(5):
+        (tmp_path / "kept" / f"compiled-kernels-{number}").mkdir(parents=True)
+    listing = Path.glob
+
+    def removed_meanwhile(folder: Path, pattern: str) -> list[Path]:
+        found = list(listing(folder, pattern))
+        found[0].rmdir()
+        return found
+
+    monkeypatch.setattr(Path, "glob", removed_meanwhile)
+    assert _cache_folder(sources, str(tmp_path / "kept")).parent == tmp_path / "kept"
 
 
 def test_the_users_choice_of_place_is_kept(sources: Path, tmp_path: Path) -> None:

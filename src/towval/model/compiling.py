@@ -25,6 +25,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -146,7 +147,8 @@ def _cache_folder(sources: Path, users_choice: str) -> Path:
         base = _private_folder()
     folder = base / f"compiled-{sources.name}-{digest.hexdigest()[:16]}"
     if not folder.exists():
-        older = sorted(base.glob(f"compiled-{sources.name}-*"), key=lambda p: p.stat().st_mtime, reverse=True)
-        for outlived in older[_KEPT - 1 :]:
-            shutil.rmtree(outlived, ignore_errors=True)
+        with suppress(FileNotFoundError):  # another process, started at the same time, removes the same
+            older = sorted(base.glob(f"compiled-{sources.name}-*"), key=lambda p: p.stat().st_mtime, reverse=True)
+            for outlived in older[_KEPT - 1 :]:
+                shutil.rmtree(outlived, ignore_errors=True)
     return folder
