@@ -51,17 +51,6 @@ def distort(x: float, y: float, k: Array) -> tuple[float, float]:
 
 
 @compiled()
-def distort_jacobian(x: float, y: float, k: Array) -> tuple[float, float, float, float]:
-    """Derivatives of :func:`distort`: ∂u/∂x, ∂u/∂y, ∂v/∂x, ∂v/∂y."""
-    if not is_fisheye_kernel(k):
-        return _bent_jacobian(x, y, k)
-    ratio, slope = _angle_over_tangent(np.sqrt(x * x + y * y))
-    a, b, c, d = _bent_jacobian(ratio * x, ratio * y, k)
-    p, q, s = ratio + slope * x * x, slope * x * y, ratio + slope * y * y
-    return a * p + b * q, a * q + b * s, c * p + d * q, c * q + d * s
-
-
-@compiled()
 def undistort(u: float, v: float, k: Array) -> tuple[float, float]:
     """Inverse of :func:`distort` by Newton's method; NaN where it does not converge or comes upon a fold of the lens.
 
