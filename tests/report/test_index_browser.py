@@ -62,6 +62,17 @@ def test_all_runs_are_there_and_only_rows_in_view_are_made(page):
     assert len(page.requests()) == 1
 
 
+def test_all_rows_in_view_are_made_after_there_were_few(page):
+    """The view was as high as the few rows then: on a high screen the lower part of the table stayed empty."""
+    address, high = page.run("location.href"), page.run("document.getElementById('scroller').clientHeight")
+    assert len(cells(page, "runs", 0)) * 26 >= high
+    page.open(address, 1280, 2000)
+    for text in ("LAB_59", ""):
+        change(page, f"document.getElementById('search').value = '{text}'")
+    assert len(cells(page, "runs", 0)) * 26 >= page.run("document.getElementById('scroller').clientHeight")
+    page.open(address)
+
+
 def test_filters(page):
     change(page, "document.getElementById('search').value = 'LAB_59'")
     assert shown(page) == "1 of 64 runs shown: agrees 1"

@@ -120,7 +120,7 @@
   function rows() {
     const scroller = byId("scroller");
     const first = Math.max(0, Math.floor(scroller.scrollTop / rowHeight) - 10);
-    const last = Math.min(selected.length, first + Math.ceil(scroller.clientHeight / rowHeight) + 20);
+    const last = Math.min(selected.length, first + Math.ceil(innerHeight / rowHeight) + 20);
     const made = selected.slice(first, last).map((i) => {
       const row = document.createElement("tr");
       for (const column of columns) row.append(cellOf(column.value ? shown(column.value(i), column.digits) : column.text(i), column.value));
