@@ -337,6 +337,13 @@ def test_a_linked_film_plays_beside_the_page_and_can_be_chosen_by_hand_elsewhere
             assert browser.run(f"{RUN}.querySelector('.save').hidden") is not moved
             if moved:
                 assert settled(browser, 30)["outlines"] == 30
+                # Lost while the page waits for another frame of it, as on a drive that is unplugged, and chosen again.
+                browser.run(f"runs[0].go(10), {FILM}.src = 'gone.mp4'")
+                browser.wait_for(f"{RUN}.matches('.unseen')")
+                browser.send("DOM.setFileInputFiles", files=[str(film)], objectId=node)
+                browser.wait_for(f"{RUN}.matches('.ready')")
+                click_at(browser, "#run-a .timeplot", FRAME_S * 20)
+                assert settled(browser, 20)["outlines"] == 20
 
 
 def test_two_runs_fit_the_limits_of_words_pages_and_bytes(tmp_path):

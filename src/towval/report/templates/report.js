@@ -189,7 +189,10 @@ class Run {
     video.addEventListener("click", () => play.click());
     video.addEventListener("seeked", () => { this.seeking = false; this.seek(); this.settle(); });
     video.addEventListener("error", () => { if (video.src) { this.one(".unplayable").hidden = false; this.stop(); } });
-    this.one(".unplayable input").addEventListener("change", (event) => this.open(event.target.files[0]));
+    this.one(".unplayable input").addEventListener("change", ({ target }) => {
+      const [file] = target.files;
+      if (file) { target.value = ""; this.open(file); } // emptied, so that the same file can be chosen again
+    });
     this.one(".enlarge").addEventListener("click", () => this.one(".stage").requestFullscreen());
     this.one(".save").addEventListener("click", () => this.save());
     new ResizeObserver(() => this.draw()).observe(this.canvas);
@@ -219,7 +222,7 @@ class Run {
   }
 
   stop() {
-    this.ready = false;
+    this.ready = this.seeking = false;
     this.section.classList.remove("ready");
     this.section.classList.add("unseen");
   }
