@@ -105,6 +105,24 @@ def test_a_stage_alone_keeps_the_limits_of_the_schema(section, key, value):
         settings_from(SECTIONS[section], {key: value}, section)
 
 
+@pytest.mark.parametrize(
+    ("section", "key", "value", "allowed"),
+    [
+        ("uncertainty", "samples", 1.5, "a whole number or auto"),
+        ("uncertainty", "samples", "many", "a whole number or auto"),
+        ("uncertainty", "samples", 10, "at least 64 and at most 65536 or auto"),
+        ("simulate", "tolerance_m", [1], "a number or auto"),
+        ("simulate", "sticking", "maybe", "one of auto, true, false"),
+        ("report", "formats", ["png", "png"], "each entry once"),
+        ("calibrate", "lens_models", [], "at least one entry"),
+    ],
+)
+def test_what_is_allowed_is_told_in_words(section, key, value, allowed):
+    """Not as the schema states it: ['integer', 'string'], or a text that matches ^auto$."""
+    with pytest.raises(InputError, match=rf"{key} is .*; allowed: {allowed} \("):
+        settings_from(SECTIONS[section], {key: value}, section)
+
+
 @pytest.mark.parametrize("text", ["1e-7", "1E-7", "1.0e-7", ".1e-6", "+1e-07"])
 def test_a_number_with_an_exponent_is_a_number_with_or_without_a_point(text, schema, config):
     assert read_value(text) == pytest.approx(1e-7, rel=1e-12)

@@ -188,14 +188,14 @@ def _arguments() -> argparse.ArgumentParser:
     return parser
 
 
-def _keys(pairs: list[str], stage: str = "") -> dict[str, Any]:
+def _keys(pairs: list[str], stage: str) -> dict[str, Any]:
     """Keys and values; a key of the stage's own section may be written as in ``towval run``, with the stage's name."""
     keys = {}
     for pair in pairs:
         name, equals, text = pair.partition("=")
         if not (name and equals):
             raise InputError("--set needs a key and a value", got=pair, allowed="KEY=VALUE")
-        keys[name.removeprefix(f"{stage}.")] = read_value(text)
+        keys[name.removeprefix(f"{stage}.")] = read_value(text, f"--set {pair}")
     return keys
 
 

@@ -42,6 +42,12 @@ def test_a_key_of_the_stage_may_be_written_as_for_all_stages(tmp_path, capsys, w
     assert "report: embed_mb is 5000; allowed: at least 0 and at most 400" in capsys.readouterr().err
 
 
+def test_a_value_that_is_no_yaml_is_told_with_its_key(capsys):
+    with pytest.raises(SystemExit):
+        main(["run", "lab", "--set", "report.formats=[png"])
+    assert "--set report.formats=[png is not valid YAML" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(("given", "used"), [({}, "1"), ({"OMP_NUM_THREADS": "2"}, "2")])
 def test_blas_has_one_thread_unless_the_user_says_otherwise(given, used):
     # What is set when the command line, and with it NumPy, is imported.

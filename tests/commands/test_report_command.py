@@ -47,7 +47,7 @@ def test_the_command_of_the_report_makes_the_same_folder(lab_small, tmp_path):
     assert (program, parsed.stage) == ("towval", "run")
     assert parsed.results / load_campaign(parsed.campaign).name == results
     # With the settings that are not the defaults: a reader who copies the line gets the same numbers.
-    assert _keys(parsed.keys) == {"calibrate.lens_models": ["k1 k2"], "calibrate.position_limit_m": 1e-5}
+    assert _keys(parsed.keys, parsed.stage) == {"calibrate.lens_models": ["k1 k2"], "calibrate.position_limit_m": 1e-5}
 
 
 def test_figures_that_are_drawn_no_more_go_and_others_stay_unlisted(tmp_path):

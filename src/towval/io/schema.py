@@ -215,7 +215,8 @@ _COMPARISONS = {
     "exclusiveMaximum": "below {}",
     "minItems": "at least {} entries",
     "maxItems": "at most {} entries",
-    "minProperties": "at least {} entry",
+    "minProperties": "at least {} entries",
+    "uniqueItems": "each entry once",
     "minLength": "a text of at least {} character",
     "pattern": "a text that matches {}",
 }
@@ -223,7 +224,10 @@ _COMPARISONS = {
 
 def _allowed(error: ValidationError) -> str:
     rule, wanted, schema = _rule(error)
-    if rule == "type":
+    or_auto = " or auto" if schema.get("pattern") == "^auto$" else ""
+    if "enum" in schema:
+        return "one of " + ", ".join(str(each).lower() if isinstance(each, bool) else each for each in schema["enum"])
+    if rule == "type" or (rule == "pattern" and or_auto):
         names = {
             "number": "a finite number" if isinstance(error.instance, float) else "a number",
             "integer": "a whole number",
@@ -232,11 +236,10 @@ def _allowed(error: ValidationError) -> str:
             "string": "a text",
             "boolean": "true or false",
         }
-        return names.get(str(wanted), str(wanted))
+        kind = schema["type"][0] if or_auto else wanted
+        return names.get(kind, str(kind)) + or_auto
     if rule == "registered":
         return "one of " + ", ".join(dict.fromkeys((*schema.get("known", ()), *_registry(wanted))))
-    if rule == "enum":
-        return "one of " + ", ".join(map(str, wanted))
     if rule in ("minItems", "maxItems") and schema.get("minItems") == schema.get("maxItems"):
         return f"exactly {schema['minItems']} entries"
     bounds = [
@@ -245,8 +248,9 @@ def _allowed(error: ValidationError) -> str:
         if name in schema
     ]
     if rule in ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"):
-        return " and ".join(bounds)
-    return _COMPARISONS[rule].format(wanted) if rule in _COMPARISONS else str(error.message)
+        return " and ".join(bounds) + or_auto
+    text = _COMPARISONS[rule].format(wanted) if rule in _COMPARISONS else str(error.message)
+    return text.replace("least 1 entries", "least one entry")
 
 
 def _meaning(schema: dict[str, Any]) -> str:

@@ -76,9 +76,9 @@ def read_yaml(path: Path) -> Any:
     return _loaded(text, f"{path} is not valid YAML", "correct that line")
 
 
-def read_value(text: str) -> Any:
-    """One value as YAML writes it: a number, a text, a list."""
-    return _loaded(text, "a value is not valid YAML", None)
+def read_value(text: str, what: str = "a value") -> Any:
+    """One value as YAML writes it: a number, a text, a list; raises `InputError`, with ``what`` it is, for no YAML."""
+    return _loaded(text, f"{what} is not valid YAML", None)
 
 
 def _loaded(text: str, what: str, remedy: str | None) -> Any:
