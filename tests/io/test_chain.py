@@ -66,6 +66,9 @@ def test_a_file_of_another_run_is_refused(results, name):
         check_together(mixed, DOCUMENT, "a")
     with pytest.raises(InputError, match="does not belong"):
         check_together(mixed)
+    # A variable of the shell that is not set: a result of no run was written.
+    with pytest.raises(InputError, match="does not belong"):
+        check_together(of_run(results, "a"), DOCUMENT, "")
 
 
 def test_a_file_that_was_made_again_is_refused_by_what_stands_on_it(results):

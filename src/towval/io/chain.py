@@ -58,16 +58,16 @@ def check_together(files: Mapping[str, Path], document: Mapping[str, Any] | None
     """
     origins = {name: read_origin(path) for name, path in files.items()}
     hashes = {name: file_hash(path) for name, path in files.items()}
-    found, owner = run or "", "the run asked for"
+    found, owner = run, "the run asked for"
     for name, origin in origins.items():
         _check_kind(files[name], origin, name)
-        if origin.run and found not in ("", origin.run):
+        if origin.run and found not in (None, origin.run):
             raise _apart(files[name], f"run {origin.run}", f"run {found}, as {owner}")
-        if origin.run and not found:
+        if origin.run and found is None:
             found, owner = origin.run, str(files[name])
         _check_made_of(files[name], origin, files, hashes)
         _check_sections(files[name], origin, document)
-    return found
+    return found or ""
 
 
 def check_made_of(path: Path, files: Mapping[str, Path], document: Mapping[str, Any] | None = None) -> None:
