@@ -213,6 +213,10 @@ def test_keys_move_turn_and_select(page):
     assert off_px(page, "rover") == pytest.approx(1, abs=0.2)
     page.press("u")
     page.press("2")
+    # As a German keyboard makes it on Windows, by AltGr.
+    page.run("window.dispatchEvent(new KeyboardEvent('keydown', { key: '[', ctrlKey: true, altKey: true }))")
+    assert page.run("wrapped(runs[run].poses.object[2] - first.object[2])") == pytest.approx(np.pi / 360)
+    page.press("u")
     page.press("q")
     quarter = page.run("wrapped(runs[run].poses.object[2] - first.object[2])")
     assert quarter == pytest.approx(np.pi / 2)

@@ -84,7 +84,7 @@ function greyAt({ values, width, height }, u, v) {
   return (1 - b) * ((1 - a) * values[at] + a * values[at + 1]) + b * ((1 - a) * values[at + width] + a * values[at + width + 1]);
 }
 
-// How sharply grey levels change across the outline, on the share of its length where they change least of its best half.
+// How sharply grey levels change across the outline: the mean step, none counted above 40; NaN where it is outside the picture.
 function score(body, pose) {
   const points = corners(body, pose), grey = runs[run].grey, steps = [];
   if (!grey) return NaN;
@@ -400,7 +400,8 @@ const KEYS = { "[": "left", "]": "right", q: "quarter", h: "half", s: "snap", u:
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 window.addEventListener("keydown", (event) => {
   if ((event.ctrlKey || event.metaKey) && event.key === "s") { event.preventDefault(); save(); return; }
-  if (event.ctrlKey || event.metaKey || event.altKey) return;
+  // Many keyboards have brackets with AltGr, which some systems report as Ctrl and Alt, or with Option.
+  if (event.metaKey || ((event.ctrlKey || event.altKey) && !"[]".includes(event.key))) return;
   const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
   if (ARROWS[key]) { event.preventDefault(); const by = event.shiftKey ? 10 : 1; nudge(by * ARROWS[key][0], by * ARROWS[key][1]); }
   else if (KEYS[key]) ACTIONS[KEYS[key]]();
