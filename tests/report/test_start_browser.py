@@ -321,9 +321,23 @@ FLOW = "runs: {a: {video: a.mp4, first_frame_clicks_px: {rover: [[1, 2]]}}, b: {
 
 COMMA = "runs:\n  a: {video: a.mp4,}\n  b: {video: b.mp4, }\n"
 ANCHORED = "runs:\n  a: &first\n    video: a.mp4\n  b: &second\n    video: b.mp4\n"
+# Bodies that start at the same places: the clicks of both runs were put where the anchor is, which is no YAML.
+SHARED = """\
+runs:
+  a:
+    first_frame_clicks_px: &start
+      rover: [[1, 2]]
+    # once: the codec
+    video: a.mp4
+  b:
+    first_frame_clicks_px: *start
+    video: b.mp4
+"""
+SHARED_FLOW = "runs: {a: {first_frame_clicks_px: &s {rover: [[1, 2]]}}, b: {first_frame_clicks_px: *s, video: b.mp4}}\n"
+REMARKS = "runs:\n  a:\n    video: a.mp4  # once\n\n  # The second run.\n  b:\n    video: b.mp4\n"
 
 
-@pytest.mark.parametrize("text", [BLOCK, FLOW, BLOCK + "# the end\n", COMMA, ANCHORED])
+@pytest.mark.parametrize("text", [BLOCK, FLOW, BLOCK + "# the end\n", COMMA, ANCHORED, SHARED, SHARED_FLOW, REMARKS])
 def test_clicks_are_put_into_any_way_of_writing_the_runs(text):
     pieces = [
         f"{piece.before}{{rover: [[{piece.run}, 0]]}}" if isinstance(piece, RunClicks) else piece
@@ -336,6 +350,8 @@ def test_clicks_are_put_into_any_way_of_writing_the_runs(text):
         before["runs"][name].pop("first_frame_clicks_px", None)
     assert document == before
     assert ("# once" in text) == ("# once" in "".join(pieces))
+    # What is said of a run stays above it.
+    assert ("# The second run.\n  b:" in text) == ("# The second run.\n  b:" in "".join(pieces))
 
 
 @pytest.mark.parametrize("corner", ["[1, 2]", "\n  - 1\n  - 2  # once", "\n    - 1\n    - 2"])

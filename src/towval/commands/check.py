@@ -210,8 +210,8 @@ def _writing_to(folder: Path) -> Iterator[None]:
 
 
 def _text_of(folder: Path) -> str:
-    """The text of campaign.yaml, without the mark of its coding that editors may put at its beginning."""
-    return (folder / "campaign.yaml").read_text(encoding="utf-8-sig")
+    """The text of campaign.yaml with its own line ends, without the mark of coding that editors put before it."""
+    return (folder / "campaign.yaml").read_bytes().decode("utf-8-sig")
 
 
 def _write_page(page: Path, given: Campaign, starts: dict[str, StartOfRun]) -> None:

@@ -1,5 +1,6 @@
 """campaign.yaml as a text with a comment for each key: what it means, and where its value is only a guess."""
 
+import re
 import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
@@ -84,16 +85,16 @@ class FloorCorner(NamedTuple):
 def text_in_parts(text: str) -> list[str | RunClicks | FloorCorner]:
     """The text of a campaign.yaml cut where clicks and floor corners belong; all else stays as it is written."""
     document = yaml.compose(text, Loader=SafeLoader)
-    floor = _value(document, "floor")
     cuts: list[tuple[int, int, RunClicks | FloorCorner]] = [
-        _clicks_cut(text, str(name.value), entry) for name, entry in _value(document, "runs").value
+        _clicks_cut(text, str(name.value), entry) for name, entry in _pair(document, "runs")[1].value
     ]
+    floor = _pair(document, "floor")
     for name, key in (("origin", "origin_corner_px"), ("end", "x_axis_end_corner_px")):
-        value = floor and _value(floor, key)
-        if value is not None:
-            start, end = value.start_mark.index, _end(text, value)
+        pair = floor and _pair(floor[1], key)
+        if pair:
+            start, end = _span(text, *pair)
             # In block style the list may be no deeper than its key, where a list in flow style would end the mapping.
-            cuts.append((start, end, FloorCorner(name, text[start:end], "" if value.flow_style else "  ")))
+            cuts.append((start, end, FloorCorner(name, text[start:end], "" if pair[1].flow_style else "  ")))
     pieces: list[str | RunClicks | FloorCorner] = []
     done = 0
     for start, end, part in sorted(cuts, key=lambda cut: cut[:2]):
@@ -102,27 +103,43 @@ def text_in_parts(text: str) -> list[str | RunClicks | FloorCorner]:
     return [*pieces, text[done:]]
 
 
-def _value(mapping: Any, key: str) -> Any:
-    return next((value for name, value in mapping.value if name.value == key), None)
+def _pair(mapping: Any, key: str) -> Any:
+    return next((pair for pair in mapping.value if pair[0].value == key), None)
 
 
 def _clicks_cut(text: str, run: str, entry: Any) -> tuple[int, int, RunClicks]:
     """From where to where the clicks of a run stand, or would stand, in the text."""
-    clicks = _value(entry, _CLICKS)
+    clicks = _pair(entry, _CLICKS)
     if clicks is not None:
-        start, end = clicks.start_mark.index, _end(text, clicks)
+        start, end = _span(text, *clicks)
         return start, end, RunClicks(run, text[start:end], "")
     if entry.flow_style:
         end = text.rindex("}", 0, entry.end_mark.index)
         comma = " " if text[:end].rstrip().endswith(",") else ", "
         return end, end, RunClicks(run, "", f"{comma}{_CLICKS}: ")
-    end = len(text[: entry.end_mark.index].rstrip())
+    end = _COMMENT.match(text, _end(text, entry)).end()  # type: ignore[union-attr]  # it also matches nothing
     # Where an anchor precedes the keys the entry begins there.
     first_key, _ = entry.value[0]
     return end, end, RunClicks(run, "", f"\n{' ' * first_key.start_mark.column}{_CLICKS}: ")
 
 
+_COMMENT = re.compile(r"([ \t]+#[^\r\n]*)?")
+_ALIAS, _ANCHOR = re.compile(r"\s*:\s+(\*[^\s,\]}]+)"), re.compile(r"&\S+\s+")
+
+
+def _span(text: str, key: Any, value: Any) -> tuple[int, int]:
+    """From where to where the value of a key stands in the text: its alias, or what follows an anchor."""
+    alias, anchor = _ALIAS.match(text, key.end_mark.index), _ANCHOR.match(text, value.start_mark.index)
+    if alias:  # its node stands where the anchor does
+        return alias.span(1)
+    return anchor.end() if anchor else value.start_mark.index, _end(text, value)
+
+
 def _end(text: str, value: Any) -> int:
-    """Where a value ends in the text; in block style that is where the next key begins."""
-    end: int = value.end_mark.index
-    return end if value.flow_style else len(text[:end].rstrip())
+    """Where a value ends in the text; what yaml takes for the end in block style includes comments after it."""
+    last = value.value[-1] if value.value and not getattr(value, "flow_style", True) else None
+    if isinstance(last, tuple):
+        return _span(text, *last)[1]
+    if last is not None and last.start_mark.index > value.start_mark.index:
+        return _end(text, last)
+    return len(text[: value.end_mark.index].rstrip())
