@@ -303,6 +303,10 @@ def test_each_run_has_the_camera_that_filmed_it(tmp_path):
                         straight = without_lens(there, view.camera)
                         straight += shift[:2, 2] - view.camera.matrix[:2, 2]
                         assert np.abs(np.array(seen) - straight).max() < 1e-3
+        # Before saving all runs are looked at, not only the one that is shown.
+        browser.run("show('a'), runs.b.poses.rover = [9, 0.8, 0]")
+        assert browser.run("warnings('a').join()").count("outside") == 0
+        assert "A corner of the rover is outside the picture" in browser.run("warnings('b').join()")
         assert browser.complaints() == []
 
 

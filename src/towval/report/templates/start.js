@@ -133,11 +133,12 @@ function warnings(name) {
     if (given.poses[body] === poses[body]) for (const text of given.told[body] || []) told.push(`${body}: ${text}`);
     const start = given.poses[body];
     if (start && Math.abs(wrapped(poses[body][2] - start[2])) > 1.5) told.push(`The ${body} was found the other way round. Is its arrow right?`);
+    const outside = seenIn(name, () => clicked(body, poses[body]).some(([u, v]) => u < 0 || v < 0 || u > FILMED[0] - 1 || v > FILMED[1] - 1));
+    if (outside) told.push(`A corner of the ${body} is outside the picture.`);
     if (name !== run || !runs[name].grey || dragging) continue;
     const better = snapped(body, poses[body], 8), off = apart(body, poses[body], better);
     if (off > 1.8 && score(body, better) > 1.12 * score(body, poses[body])) told.push(`The outline of the ${body} is ${off.toFixed(0)} px beside edges that fit it. Snap it, or check its size and height.`);
     else if (score(body, better) < 5) told.push(`The outline of the ${body} lies on no edges.`);
-    if (clicked(body, poses[body]).some(([u, v]) => u < 0 || v < 0 || u > FILMED[0] || v > FILMED[1])) told.push(`A corner of the ${body} is outside the picture.`);
   }
   const [span, longest] = [tether(name).span, DATA.tether.longest_m];
   if (span > longest) told.push(`The tether would be ${span.toFixed(2)} m long and is ${DATA.tether.rest_length_m} m: is a body the wrong way round, or not in its place?`);
