@@ -29,7 +29,7 @@ def test_invented_pictures_are_named_and_as_uncertain_as_they_are_off(every, see
     true, shown = _true_and_shown(every, seed)
     tracks, (found,) = check_invented(shown)
     assert found.code == "pictures_invented"
-    assert f"to the {every}th" in found.text
+    assert f"over {every} pictures at a time" in found.text
     for name, track in tracks.items():
         std = np.sqrt(np.linalg.eigvalsh(track.covariance[:, :2, :2])[:, -1])
         off = np.linalg.norm((track.pose - true[name].pose)[:, :2], axis=1)

@@ -36,8 +36,9 @@ class Consequence:
     """What a finding means for the verdict of a run.
 
     ``judged`` is false where the comparison cannot say anything about the model; ``widens`` names the inputs (keys of
-    :data:`towval.model.inputs.INPUTS`) whose stated deviations are too small once the finding is there; ``excuses`` is
-    true where a difference may come from what the finding says instead of from the model.
+    :data:`towval.model.inputs.INPUTS`, or "tracking" for the tracks' own noise) whose stated deviations are too small
+    once the finding is there; ``excuses`` is true where a difference may come from what the finding says instead of
+    from the model.
     """
 
     judged: bool = True

@@ -39,7 +39,7 @@ register(  # decimate
         "that drives the simulation. Film more pictures a second, or let the rover start and stop more slowly.",
     ),
 )  # fmt: skip
-register(  # simulate; the last six are those of towval.physics
+register(  # simulate; those from slack_all_along on are of towval.physics
     FindingType("rung", "simulate", NOTE_OR_WARNING, NONE, "Model: {rung}; {changes} (allowed: {allowed_mm:.2f} mm)."),
     FindingType(
         "numerical_error", "simulate", WARNING, NONE,

@@ -144,9 +144,9 @@ register(  # track
     ),
     FindingType(
         "pictures_invented", "track", WARNING, WIDENS_TRACKING,
-        "All bodies move in straight lines from one picture to the {period}th after it: the pictures between were made "
-        "up by smooth playback or by a converter to another frame rate. How far the bodies may have strayed from these "
-        "lines is added to the deviations of the poses. Use the camera's original file.",
+        "All bodies move in straight lines over {period} pictures at a time: those between were made up by smooth "
+        "playback or by a converter to another frame rate. How far the bodies may have strayed from these lines is "
+        "added to the deviations of the poses. Use the camera's original file.",
     ),
     FindingType(
         "rate_contradicted", "track", WARNING, NOT_JUDGED,
