@@ -1,5 +1,6 @@
 """The commands ``run`` and ``demo``: the workflow of the package on a folder, without a clone."""
 
+import errno
 import getpass
 import os
 import signal
@@ -17,6 +18,7 @@ import yaml
 
 from report_scenes import small_calibration
 from towval.commands.workflow import _check_as_stated, _environment, _lines, run, run_demo
+from towval.io.atomic import write_bytes
 from towval.io.campaign import load_campaign
 from towval.io.provenance import provenance
 from towval.io.records import write_calibration
@@ -178,6 +180,28 @@ def test_the_demo_runs_the_sample_only_also_where_its_campaign_was_edited(tmp_pa
         stream.write("# edited\n")
     run_demo(tmp_path / "demo")
     assert ran == 2 * [tmp_path / "demo"]
+
+
+def test_a_demo_whose_copy_was_cut_off_goes_on(tmp_path, monkeypatch):
+    """Over a full disk half of it stayed, and the next call took the folder for somebody else's."""
+    monkeypatch.setattr("towval.commands.workflow.run", lambda *_: None)
+    folder, copied = tmp_path / "demo", []
+
+    def write(path, content):
+        if path.name == "floor_3.jpg":
+            raise OSError(errno.ENOSPC, "No space left on device", str(path))
+        copied.append(path)
+        write_bytes(path, content)
+
+    monkeypatch.setattr("towval.commands.workflow.write_bytes", write)
+    with pytest.raises(OSError, match=r"No space left on device: '.*floor_3\.jpg'"):
+        run_demo(folder)
+    assert copied
+    monkeypatch.setattr("towval.commands.workflow.write_bytes", write_bytes)
+    run_demo(folder)
+    assert {path.relative_to(folder) for path in folder.rglob("*")} == {
+        path.relative_to(SAMPLE) for path in SAMPLE.rglob("*")
+    }
 
 
 def in_calibration(folder):

@@ -7,7 +7,6 @@ import math
 import os
 import re
 import shlex
-import shutil
 import signal
 import subprocess
 import sys
@@ -23,6 +22,7 @@ import psutil
 
 from towval.commands.console import Outcome
 from towval.commands.settings import nested
+from towval.io.atomic import write_bytes
 from towval.io.campaign import Campaign, load_campaign
 from towval.io.chain import changed_sections, read_origin
 from towval.io.schema import check, packaged_schema
@@ -211,20 +211,19 @@ def run_demo(folder: Path, results: Path = Path("results"), cores: int | None = 
     Raises `InputError` where the folder holds something else.
     """
     with resources.as_file(resources.files("towval").joinpath("sample")) as sample:
-        if not (folder.exists() and any(folder.iterdir())):
-            shutil.copytree(sample, folder, dirs_exist_ok=True)
-            print(f"The sample campaign: {folder.resolve()}", file=sys.stderr)
-        elif not _holds_sample(folder, sample):
+        files = {path.relative_to(sample): path for path in sorted(sample.rglob("*.*"))}
+        missing = [name for name in files if not (folder / name).is_file()]
+        # What a call that was interrupted copied counts, and a campaign.yaml may have been edited.
+        footage = [name for name in files.keys() - missing if name.suffix != ".yaml"]
+        holds_sample = footage and all((folder / n).stat().st_size == files[n].stat().st_size for n in footage)
+        if folder.exists() and any(folder.iterdir()) and not holds_sample:
             remedy = "name another one; a campaign of your own runs with towval run"
             raise InputError("the folder does not hold the sample", got=folder, remedy=remedy)
+        for name in missing:
+            write_bytes(folder / name, files[name].read_bytes())
+        if missing:
+            print(f"The sample campaign: {folder.resolve()}", file=sys.stderr)
     return run(folder, results, cores)
-
-
-def _holds_sample(folder: Path, sample: Path) -> bool:
-    """Whether a folder holds the sample's footage, and a campaign.yaml, which may have been edited."""
-    sizes = {path.relative_to(sample): path.stat().st_size for path in sample.rglob("*.*") if path.suffix != ".yaml"}
-    kept = all((folder / name).is_file() and (folder / name).stat().st_size == size for name, size in sizes.items())
-    return kept and (folder / "campaign.yaml").is_file()
 
 
 def _system_errors_reported(lines: Iterable[str], ended_by: Collection[int] = ()) -> Iterator[str]:
