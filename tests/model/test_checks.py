@@ -3,7 +3,7 @@ import re
 import numpy as np
 import pytest
 
-from towval.model import locked
+from towval.model import Features, locked
 from towval.model.checks import increasing
 from towval.model.errors import InputError
 
@@ -57,3 +57,8 @@ def test_times_that_are_too_few_or_do_not_increase_are_told(times_s, least, got)
 def test_times_that_increase_and_none_at_all_are_taken():
     increasing(np.array([0.0, 0.5]), "the times", 2)
     increasing(np.zeros(0), "the times")
+
+
+def test_whole_numbers_have_a_shape_too():
+    with pytest.raises(InputError, match=r"Features\.frame has the wrong shape\n  got: \(2, 2\)\n  allowed: any"):
+        Features(np.zeros((2, 2)), np.zeros((2, 3)), np.ones(2))

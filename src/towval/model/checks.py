@@ -20,9 +20,7 @@ def locked(values: ArrayLike, name: str, shape: tuple[int | None, ...], *, finit
     Raises `InputError` with the ``name`` for no numbers, another shape and, where ``finite``, NaN and infinity.
     """
     array: Array = values if _is_locked(values) else np.array(numbers_of(values, name))
-    if array.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, array.shape, strict=True)):
-        wanted = " × ".join("any" if n is None else str(n) for n in shape)
-        raise InputError(f"{name} has the wrong shape", got=array.shape, allowed=wanted)
+    _check_shape(array, name, shape)
     if finite and not np.isfinite(array).all():
         first = np.unravel_index(np.isfinite(array).argmin(), array.shape)
         where = f" at [{', '.join(map(str, first))}]" if first else ""
@@ -31,6 +29,12 @@ def locked(values: ArrayLike, name: str, shape: tuple[int | None, ...], *, finit
         )
     array.setflags(write=False)
     return array
+
+
+def _check_shape(array: np.ndarray, name: str, shape: tuple[int | None, ...]) -> None:
+    if array.ndim != len(shape) or any(want not in (None, have) for want, have in zip(shape, array.shape, strict=True)):
+        wanted = " × ".join("any" if n is None else str(n) for n in shape)
+        raise InputError(f"{name} has the wrong shape", got=array.shape, allowed=wanted)
 
 
 def increasing(times_s: Array, name: str, least: int = 0) -> None:
@@ -94,10 +98,11 @@ def lock(self: object, *, finite: bool = True, **shapes: tuple[int | None, ...])
         object.__setattr__(self, name, value)
 
 
-def lock_whole(self: object, kind: type[np.integer[Any]], *names: str) -> None:
-    """Make read-only copies of the named fields of a frozen dataclass, whole numbers of a kind."""
-    for name in names:
+def lock_whole(self: object, kind: type[np.integer[Any]], **shapes: tuple[int | None, ...]) -> None:
+    """Make read-only copies of the named fields of a frozen dataclass, whole numbers of a kind; see :func:`locked`."""
+    for name, shape in shapes.items():
         values = np.array(getattr(self, name), dtype=kind)
+        _check_shape(values, f"{type(self).__name__}.{name}", shape)
         values.setflags(write=False)
         object.__setattr__(self, name, values)
 

@@ -49,7 +49,7 @@ class Draws:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
-        lock_whole(self, np.intp, "rows")
+        lock_whole(self, np.intp, rows=(None,))
         k, m = len(self.error), len(self.rows)
         lock(self, error=(k, m, 3), measurement=(k, m, 3), inputs=(k, sum(self.names.values())))
 

@@ -96,7 +96,7 @@ class Features:
     weight: Array
 
     def __post_init__(self) -> None:
-        lock_whole(self, np.int64, "frame")
+        lock_whole(self, np.int64, frame=(None,))
         lock(self, floor_m=(len(self.frame), 3), weight=(len(self.frame),))
 
 
@@ -138,12 +138,9 @@ class CameraTrack:
 
     def __post_init__(self) -> None:
         n = len(self.motion)
-        lock_whole(self, np.uint8, "stamps")
-        if self.stamps.shape != (n,):
-            raise InputError("CameraTrack.stamps has the wrong shape", got=self.stamps.shape, allowed=f"{n}")
+        lock_whole(self, np.uint8, stamps=(n,))
         lock(self, motion=(n, 9), added=(18, 18))
-        for name in ("picture", "picture_std"):
-            object.__setattr__(self, name, locked(getattr(self, name), f"CameraTrack.{name}", (n, 4), finite=False))
+        lock(self, finite=False, picture=(n, 4), picture_std=(n, 4))
 
     def with_added(self, further: Array) -> "CameraTrack":
         """The same with a further covariance (18, 18) of the camera's parameters."""
@@ -191,9 +188,7 @@ class Track:
         if self.total_covariance is not None:
             lock(self, finite=False, total_covariance=(n, 3, 3))
         lock(self, finite=False, pose=(n, 3), covariance=(n, 3, 3), inlier_fraction=(n,), residual=(n,))
-        lock_whole(self, np.uint8, "status")
-        if self.status.shape != (n,):
-            raise InputError("Track.status has the wrong shape", got=self.status.shape, allowed=f"{n}")
+        lock_whole(self, np.uint8, status=(n,))
         increasing(self.time_s, f"the times of the {self.body} track")
         seen = self.status != TrackStatus.LOST
         if not np.isfinite(self.pose[seen]).all() or np.isfinite(self.pose[~seen]).any():

@@ -104,7 +104,7 @@ class RoverPlan:
         n = len(self.time_s)
         lock(self, time_s=(n,), pose=(n, 3), hinge=(n, 2), twist=(n, 3))
         lock(self, steering=(n, 4), wheel_rates=(n, 4))
-        lock_whole(self, np.int64, "case", "target")
+        lock_whole(self, np.int64, case=(n,), target=(n,))
 
     def share_of(self, case: PlanCase) -> float:
         """Fraction of the steps in a case."""
