@@ -2,7 +2,6 @@
 
 import io
 import json
-import math
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -11,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NoReturn, TextIO
 
+from towval.io.mcap_file import json_value
 from towval.io.reading import remedy_of
 from towval.model import Finding, Severity
 from towval.model.errors import InputError, TowvalError
@@ -43,7 +43,7 @@ def show(outcome: Outcome, as_json: bool = False) -> None:
     if as_json:
         found = [{"code": f.code, "severity": f.severity.value, "text": f.text} for f in outcome.findings]
         files = [str(path) for path in outcome.files]
-        numbers = _without_nan(dict(outcome.numbers))
+        numbers = json_value(dict(outcome.numbers))
         print(json.dumps({"stage": outcome.stage, "files": files, **numbers, "findings": found}, ensure_ascii=False))
     else:
         _print_for_people(outcome)
@@ -64,15 +64,6 @@ def _print_for_people(outcome: Outcome) -> None:
 def _print_whole(line: str, stream: TextIO) -> None:
     """Print a line with its end in one piece: unbuffered, the stages of a workflow write between the two."""
     print(f"{line}\n", end="", file=stream)
-
-
-def _without_nan(value: Any) -> Any:
-    """JSON knows no NaN: what was not computed is null."""
-    if isinstance(value, dict):
-        return {key: _without_nan(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_without_nan(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 _INTERRUPTED = "towval: interrupted; what is finished stays, and the next call goes on from there"

@@ -111,18 +111,24 @@ def write_mcap(
                 data=bytes(typestore().serialize_cdr(message.value, kind)),
             )
             sequence[message.topic] += 1
-        text = json.dumps(_json(details), sort_keys=True)
+        text = json.dumps(json_value(details), sort_keys=True)
         writer.add_attachment(start, start, _DETAILS, "application/json", text.encode())
         writer.add_metadata(_PROVENANCE, {key: provenance[key] for key in sorted(provenance)})
         writer.finish()  # type: ignore[no-untyped-call]  # mcap leaves it untyped
 
 
-def _json(value: Any) -> Any:
-    """A JSON value, of an array lists: NaN and infinity, which JSON does not know, become null."""
+def json_value(value: Any) -> Any:
+    """A JSON value, of an array lists: NaN and infinity, which JSON does not know, become null.
+
+    Examples
+    --------
+    >>> json_value({"std": np.array([0.5, np.nan])})
+    {'std': [0.5, None]}
+    """
     if isinstance(value, dict):
-        return {name: _json(item) for name, item in value.items()}
+        return {name: json_value(item) for name, item in value.items()}
     if isinstance(value, np.ndarray | list | tuple):
-        return [_json(item) for item in (value.tolist() if isinstance(value, np.ndarray) else value)]
+        return [json_value(item) for item in (value.tolist() if isinstance(value, np.ndarray) else value)]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
