@@ -66,6 +66,15 @@ def test_programs_read_one_object_in_which_what_is_unknown_is_null(capsys):
     }
 
 
+def test_a_name_reaches_programs_whole_where_the_terminal_has_no_letters_for_it(capsys):
+    """In Latin-1 a file was called ?.sqlite, and é was no UTF-8."""
+    name = "日é\udcff.sqlite"
+    show(Outcome("index", (Path(name),), ""), as_json=True)
+    told = capsys.readouterr().out
+    assert told.isascii()
+    assert json.loads(told)["files"] == [name]
+
+
 @pytest.mark.parametrize("as_json", [False, True])
 def test_a_failure_is_raised_once_all_is_said(capsys, as_json):
     with pytest.raises(TowvalError, match="1 of 2"):

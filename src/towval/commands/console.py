@@ -44,7 +44,8 @@ def show(outcome: Outcome, as_json: bool = False) -> None:
         found = [{"code": f.code, "severity": f.severity.value, "text": f.text} for f in outcome.findings]
         files = [str(path) for path in outcome.files]
         numbers = json_value(dict(outcome.numbers))
-        print(json.dumps({"stage": outcome.stage, "files": files, **numbers, "findings": found}, ensure_ascii=False))
+        # In ASCII, whatever coding the terminal has: programs read it with names as they are.
+        print(json.dumps({"stage": outcome.stage, "files": files, **numbers, "findings": found}))
     else:
         _print_for_people(outcome)
     sys.stdout.flush()
