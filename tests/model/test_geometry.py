@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from towval.model import geometry
+from towval.model.errors import InputError
 
 finite = st.floats(-10, 10)
 poses = st.tuples(finite, finite, st.floats(-20, 20)).map(np.array)
@@ -49,6 +50,16 @@ def test_rigid_fit_gives_outliers_their_weight():
     target = source + np.array([2.0, 3.0])
     target[3] += 50
     np.testing.assert_allclose(geometry.rigid_fit(source, target, weights=[1, 1, 1, 0]), [2, 3, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("weights", [[-1, 1, 1, 1], [0, 0, 0, 0], [1, 1, 1]])
+def test_rigid_fit_refuses_weights_of_which_nothing_or_less_is_left(weights):
+    with pytest.raises(InputError, match=r"the weights do not match(.|\n)*4 of zero or more, one above"):
+        geometry.rigid_fit(np.eye(4)[:, :2], np.eye(4)[:, 2:], weights)
+
+
+def test_a_path_of_no_points_has_no_lengths():
+    assert [len(geometry.arc_lengths(np.zeros((n, 2)))) for n in (0, 1, 2)] == [0, 1, 2]
 
 
 @pytest.mark.parametrize("sense", [1, -1])

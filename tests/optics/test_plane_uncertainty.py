@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from studies.worlds.boards import ceiling_camera
-from towval.model import Calibration, Camera, Floor
+from towval.model import Body, Calibration, Camera, Floor
+from towval.optics.moved_view import pose_sensitivity
 from towval.optics.plane_uncertainty import (
     camera_position_covariance,
     pixel_grid,
@@ -94,3 +95,9 @@ def test_grid_reaches_the_corners():
     grid = pixel_grid((640, 480), 9)
     np.testing.assert_array_equal(grid[0, 0], [0, 0])
     np.testing.assert_array_equal(grid[-1, -1], [639, 479])
+
+
+def test_no_poses_have_no_sensitivities(seen):
+    """numpy cannot tell a size from an array without elements."""
+    body = Body("rover", 0.4, np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]))
+    assert [part.shape for part in pose_sensitivity(*seen, body, np.zeros((0, 3)))] == [(0, 3, 18), (0, 3)]

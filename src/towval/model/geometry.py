@@ -128,7 +128,7 @@ def rigid_fit(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = 
         got = f"{source.shape} and {target.shape}"
         raise InputError("source and target do not match", got=got, allowed="as many points (n, 2), two or more")
     w = np.ones(len(source)) if weights is None else numbers_of(weights, "weights")
-    if w.shape != source.shape[:1] or not w.sum() > 0:
+    if w.shape != source.shape[:1] or not (w.sum() > 0 and w.min() >= 0):
         raise InputError("the weights do not match", got=w.shape, allowed=f"{len(source)} of zero or more, one above")
     source_mean, target_mean = np.average(source, axis=0, weights=w), np.average(target, axis=0, weights=w)
     s, t = source - source_mean, target - target_mean
@@ -196,8 +196,8 @@ def hermite_terms(time_s: Array, values: Array, rates: Array) -> tuple[Array, Ar
 
 def arc_lengths(position: ArrayLike) -> Array:
     """Lengths (n,) of a polyline (n, k) from its first point to each, in its own unit."""
-    steps = np.linalg.norm(np.diff(_polyline(position), axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(steps)])
+    line = _polyline(position)
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])[: len(line)]
 
 
 def path_length(position: ArrayLike) -> float:

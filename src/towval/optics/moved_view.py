@@ -113,8 +113,8 @@ def pose_sensitivity(camera: Camera, floor: Floor, body: Body, pose: Array) -> t
     height = body.tracked_plane_height_m
     points = lifted(corners, height).reshape(-1, 3)
     by_camera, by_height = position_sensitivity(camera, floor, project(camera, floor, points), height)
-    moves = np.concatenate([by_camera, by_height[:, :, None]], axis=2).reshape(n, k, 2, -1)
-    by_pose = rigid_moves(corners, pose, moves)
+    moves = np.concatenate([by_camera, by_height[:, :, None]], axis=2)
+    by_pose = rigid_moves(corners, pose, moves.reshape(n, k, *moves.shape[1:]))
     return by_pose[..., :-1], by_pose[..., -1]
 
 
