@@ -206,6 +206,8 @@ WRONG = {
         ["tether_anchor_m", "exactly 2"],
     ),
     "missing video": (lambda d: d["runs"]["a"].update(video="z.mp4"), ["runs.a.video", "z.mp4"]),
+    "name with a space": (lambda d: d["runs"].update({"my run": d["runs"].pop("b")}), ["letters, digits, - and _"]),
+    "long name": (lambda d: d["runs"].update({300 * "b": d["runs"].pop("b")}), ["a text of at most 200 characters"]),
     "missing floor image": (lambda d: d["floor"].update(image="calibration/flor.jpg"), ["floor.image", "flor.jpg"]),
     "pattern without pictures": (
         lambda d: d["camera"].update(calibration_images="calib/*.jpg"),

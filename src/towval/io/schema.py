@@ -218,6 +218,7 @@ _COMPARISONS = {
     "minProperties": "at least {} entries",
     "uniqueItems": "each entry once",
     "minLength": "a text of at least {} character",
+    "maxLength": "a text of at most {} characters",
     "pattern": "a text that matches {}",
 }
 
