@@ -67,7 +67,7 @@ def _in_scene(field: str) -> Callable[[Realisation, Array], Realisation]:
 
 
 def _in_part(part: str, field: str, at_least: float = -np.inf) -> Callable[[Realisation, Array], Realisation]:
-    """Sets a field of the scene's load, tether, friction or spread, no lower than a bound."""
+    """Sets a field of the scene's load, tether, friction, spread or ground, no lower than a bound."""
 
     def acts(real: Realisation, value: Array) -> Realisation:
         bounded = np.maximum(value, at_least)
@@ -113,10 +113,6 @@ def _friction_velocity(real: Realisation, value: Array) -> Realisation:
     friction = real.scene.friction
     least = min(_APART * friction.stiction_velocity, friction.friction_velocity)
     return _with_part(real, "friction", friction_velocity=max(float(value[0]), least))
-
-
-def _slope(real: Realisation, value: Array) -> Realisation:
-    return _with_part(real, "ground", slope=value)
 
 
 def _regions(real: Realisation, value: Array) -> Realisation:
@@ -276,7 +272,7 @@ register(
         search=SearchRange(lambda _: 0.02, lambda _: 0.3),
     ),
     UncertainInput(
-        "slope", "slope of the floor", "m/m", "campaign", _slope, lambda scene: scene.ground.slope,
+        "slope", "slope of the floor", "m/m", "campaign", _in_part("ground", "slope"), lambda scene: scene.ground.slope,
         ("slope_x", "slope_y"),
         StatedDeviation(
             "floor.slope_std_mm_per_m", "each component of that slope", 20, 0.3, "spirit level of 1 m, turned round",
