@@ -64,6 +64,17 @@ def towed_run(name: str = "a", n: int = 200, fps: float = 25.0, seed: int = 1, *
     return RunRecord(**(fields | changes))  # type: ignore[arg-type]
 
 
+def simulated_up_to(run: RunRecord, frames: int) -> RunRecord:
+    """The same run, of which the simulation and the comparison end after some frames."""
+
+    def cut(one: SimulatedMotion | Comparison, *names: str) -> SimulatedMotion | Comparison:
+        return dataclasses.replace(one, **{name: getattr(one, name)[:frames] for name in names})
+
+    simulated = cut(run.simulated, "time_s", "pose", "twist", "tether_force", "tether_length")
+    comparison = cut(run.comparison, "time_s", "error", "along_across", "ratio")
+    return dataclasses.replace(run, simulated=simulated, comparison=comparison)
+
+
 def uncertainty_of(run: RunRecord, std_m: float = 0.002) -> RunUncertainty:
     """An uncertainty for a run whose deviation across the floor's y axis is half of that along x."""
     n = len(run.comparison.time_s)

@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 import pytest
 
-from report_scenes import LOST, SMALL_SIZE_PX, grey_film, quarter_turned, small_calibration, towed_run
+from report_scenes import LOST, SMALL_SIZE_PX, grey_film, quarter_turned, simulated_up_to, small_calibration, towed_run
 from towval.io.video import Video
 from towval.model import CameraTrack, Floor
 from towval.model.errors import InputError
@@ -14,6 +14,7 @@ from towval.optics.projection import project
 from towval.report.film import film_view
 from towval.report.outlines import film_layers
 from towval.report.overlay import drawn_pictures, stills, write_overlay
+from towval.report.overlay_painter import Painter
 
 FRAMES = 80
 SIZE = SMALL_SIZE_PX
@@ -90,6 +91,13 @@ def test_lost_frames_show_no_measured_outline(overlay, calibration, run):
     corner = transform(run.simulated.pose[LOST.start + 5], run.towed.top_corners_m[0])
     at = project(calibration.camera, calibration.floor, [*corner, run.towed.tracked_plane_height_m])
     assert reddest(picture, at) < 40
+
+
+def test_a_frame_after_the_simulation_is_told_from_one_that_was_not_tracked(calibration, run):
+    text = Painter(calibration, simulated_up_to(run, 62), 640)._error_text
+    assert text(run.rover_track.time_s[50]).startswith("error")
+    assert text(run.rover_track.time_s[61]) == "object not tracked"
+    assert text(run.rover_track.time_s[64]) == "object not simulated"
 
 
 def test_colours_survive_where_nothing_is_drawn(overlay):

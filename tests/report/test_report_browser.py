@@ -8,9 +8,18 @@ import numpy as np
 import pytest
 from browser import Browser
 
-from report_scenes import NUMBER_PX, SMALL_SIZE_PX, numbered_film, small_calibration, towed_run, uncertainty_of
+from report_scenes import (
+    NUMBER_PX,
+    SMALL_SIZE_PX,
+    numbered_film,
+    simulated_up_to,
+    small_calibration,
+    towed_run,
+    uncertainty_of,
+)
 from towval.model import Finding, Severity
 from towval.report.data import InputRow, Provenance, ReportData, RunReport
+from towval.report.film import series
 from towval.report.outlines import film_layers
 from towval.report.page import write_report
 
@@ -154,6 +163,15 @@ def test_the_slider_steps_frame_by_frame(page):
         assert settled(page, frame)["outlines"] == frame
     error_mm = 1e3 * np.hypot(*known("a").comparison.along_across[FRAMES - 2])
     assert page.run(f"{RUN}.querySelector('.readout').textContent").startswith(f"3.12 s: error {error_mm:.2f} mm")
+
+
+def test_a_frame_after_the_simulation_has_neither_error_nor_tension(page):
+    """It was said not to be tracked, and to be pulled as in the last frame that was simulated."""
+    run, times = simulated_up_to(towed_run(n=FRAMES), 50), FRAME_S * np.arange(FRAMES)
+    told = [page.run(f"Run.prototype.words.call({{ series: {series(run, times, times)} }}, {i})") for i in (49, 60)]
+    assert told[0].startswith("1.96 s: error ")
+    assert told[0].endswith(f", tension {np.linalg.norm(run.simulated.tether_force[49]):.1f} N")
+    assert told[1] == "2.40 s: object not simulated"
 
 
 def test_scrubbing_ends_at_the_last_place_asked_for(page):

@@ -69,7 +69,7 @@ def series(run: RunRecord, presented_s: Array, time_s: Array) -> Markup:
     """Times in the film and of the run, errors and tension at each frame as JSON; null where missing."""
     c, simulated = run.comparison, run.simulated
     shift, heading = pose_at(c.time_s, c.along_across, time_s), pose_at(c.time_s, c.error, time_s)[:, 2]
-    tension = np.interp(time_s, simulated.time_s, np.linalg.norm(simulated.tether_force, axis=1))
+    tension = np.linalg.norm(pose_at(simulated.time_s, simulated.tether_force, time_s), axis=1)
     return script_json(
         {
             "film_s": _rounded(presented_s - presented_s[0], 6),

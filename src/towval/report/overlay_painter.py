@@ -66,7 +66,9 @@ class Painter:
         comparison = self._run.comparison
         error = pose_at(comparison.time_s, comparison.error, time_s)
         if not np.isfinite(error).all():
-            return "object not tracked"
+            simulated = self._run.simulated
+            known = np.isfinite(pose_at(simulated.time_s, simulated.pose, time_s)).all()
+            return f"object not {'tracked' if known else 'simulated'}"
         turn = signed(float(np.rad2deg(error[2])))
         return f"error {1e3 * np.hypot(error[0], error[1]):5.2f} mm   {turn:>5}°"
 

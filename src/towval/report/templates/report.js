@@ -130,10 +130,10 @@ class Run {
 
   words(i) {
     const { time_s, along_mm, across_mm, heading_deg, tension_N } = this.series;
-    const error = along_mm[i] === null ? "object not tracked"
+    const error = along_mm[i] === null ? `object not ${tension_N[i] === null ? "simulated" : "tracked"}`
       : `error ${Math.hypot(along_mm[i], across_mm[i]).toFixed(2)} mm (along ${signed(along_mm[i], 2, "")}, across ` +
         `${signed(across_mm[i], 2, "")}), ${signed(heading_deg[i], 2, "\u00b0")}`;
-    return `${time_s[i].toFixed(2)} s: ${error}, tension ${tension_N[i].toFixed(1)} N`;
+    return `${time_s[i].toFixed(2)} s: ${error}${tension_N[i] === null ? "" : `, tension ${tension_N[i].toFixed(1)} N`}`;
   }
 
   // To a frame: the film seeks and shows it, without a film it is shown at once.
