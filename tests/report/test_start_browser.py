@@ -23,7 +23,8 @@ from towval.report.start_page import StartOfRun, without_distortion, write_start
 
 SAMPLE = Path(str(resources.files("towval"))) / "sample"
 COMMENT = "# measured </script><b id=injected>on Monday</b>"
-LEFT_OUT = "  b: {video: a.mp4, left_out: the lamp fell}\n"
+# A name that every object of JavaScript knows.
+LEFT_OUT = "  constructor: {video: a.mp4, left_out: the lamp fell}\n"
 
 
 @pytest.fixture(scope="module")

@@ -50,7 +50,7 @@ const corners = (body, pose) => DATA.bodies[body].corners.map((corner) => pictur
 const clicked = (body, pose) => DATA.bodies[body].corners.map((corner) => filmed(...placed(pose, corner), DATA.bodies[body].height));
 
 // ---- state
-const runs = {};
+const runs = Object.create(null); // a run may be named constructor
 let run, selected = BODIES[0], past = [];
 let scale = 1, offset = [0, 0]; // from pixels of the picture to those of the window
 
