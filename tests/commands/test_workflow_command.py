@@ -55,6 +55,7 @@ def test_results_of_another_campaign_yaml_are_not_taken_for_those_of_this_one(tm
     (made / "a").mkdir(parents=True)
     made_of = provenance("calibrate", None, {}, document=given.document)
     write_calibration(made / "camera.mcap", small_calibration(), made_of)
+    (made / "a" / "rosbag.mcap").write_text("a recording of somebody else's, cut off")
     _check_as_stated(made, given)
     floor = given.document["floor"] | {"board_thickness_m": 0.02}
     other = replace(given, document={**given.document, "floor": floor})

@@ -27,6 +27,7 @@ from towval.io.campaign import Campaign, load_campaign
 from towval.io.chain import changed_sections, read_origin
 from towval.io.schema import check, packaged_schema
 from towval.io.summary_rows import read_summary
+from towval.model.conventions import STAGES_OF_RUN
 from towval.model.errors import InputError
 from towval.model.statement import Verdict, rounded_up
 
@@ -107,7 +108,8 @@ def _check_as_stated(made: Path, given: Campaign) -> None:
 
     What results were made with it keeps in the working folder: from another one it compares dates alone.
     """
-    files = [made / "camera.mcap", *(path for run in given.runs for path in sorted((made / run).glob("*.mcap")))]
+    stages = (*STAGES_OF_RUN, "exchange")
+    files = [made / "camera.mcap", *(made / run / f"{stage}.mcap" for run in given.runs for stage in stages)]
     for path in filter(Path.is_file, files):
         changed = changed_sections(read_origin(path), given.document)
         if changed:
