@@ -342,7 +342,10 @@ SHARED_FLOW = "runs: {a: {first_frame_clicks_px: &s {rover: [[1, 2]]}}, b: {firs
 REMARKS = "runs:\n  a:\n    video: a.mp4  # once\n\n  # The second run.\n  b:\n    video: b.mp4\n"
 
 
-@pytest.mark.parametrize("text", [BLOCK, FLOW, BLOCK + "# the end\n", COMMA, ANCHORED, SHARED, SHARED_FLOW, REMARKS])
+@pytest.mark.parametrize(
+    "text",
+    [BLOCK, BLOCK.replace("\n", "\r\n"), FLOW, BLOCK + "# the end\n", COMMA, ANCHORED, SHARED, SHARED_FLOW, REMARKS],
+)
 def test_clicks_are_put_into_any_way_of_writing_the_runs(text):
     pieces = [
         f"{piece.before}{{rover: [[{piece.run}, 0]]}}" if isinstance(piece, RunClicks) else piece
@@ -355,6 +358,7 @@ def test_clicks_are_put_into_any_way_of_writing_the_runs(text):
         before["runs"][name].pop("first_frame_clicks_px", None)
     assert document == before
     assert ("# once" in text) == ("# once" in "".join(pieces))
+    assert ("\r\n" in text) == ("\n" not in "".join(pieces).replace("\r\n", ""))
     # What is said of a run stays above it.
     assert ("# The second run.\n  b:" in text) == ("# The second run.\n  b:" in "".join(pieces))
 

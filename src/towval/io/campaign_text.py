@@ -120,7 +120,8 @@ def _clicks_cut(text: str, run: str, entry: Any) -> tuple[int, int, RunClicks]:
     end = _COMMENT.match(text, _end(text, entry)).end()  # type: ignore[union-attr]  # it also matches nothing
     # Where an anchor precedes the keys the entry begins there.
     first_key, _ = entry.value[0]
-    return end, end, RunClicks(run, "", f"\n{' ' * first_key.start_mark.column}{_CLICKS}: ")
+    line_end = "\r\n" if "\r\n" in text else "\n"
+    return end, end, RunClicks(run, "", f"{line_end}{' ' * first_key.start_mark.column}{_CLICKS}: ")
 
 
 _COMMENT = re.compile(r"([ \t]+#[^\r\n]*)?")
