@@ -53,13 +53,13 @@ def _joined(words: Iterable[str]) -> str:
 
 
 def _totals(table: pd.DataFrame) -> dict[str, float | str]:
-    """How many cells ended in each way, which are silently wrong, and the largest error of each over the allowed."""
+    """How many cells ended in each way, which are silently wrong, and the largest error of those over the allowed."""
     counts = Counter(table.poses)
     found: dict[str, float | str] = {f"all, {outcome}": float(counts[outcome]) for outcome in OUTCOMES}
     worst: dict[str, float] = {}
-    for _, cell in table.iterrows():
+    for _, cell in table[table.poses == "silently wrong"].iterrows():
         worst[_name(cell)] = max(worst.get(_name(cell), 0.0), cell.worst)
-    found["silently wrong"] = _joined(_name(cell) for _, cell in table[table.poses == "silently wrong"].iterrows())
+    found["silently wrong"] = _joined(worst)
     return found | {f"{name}, error over the allowed": over for name, over in worst.items()}
 
 
