@@ -117,14 +117,16 @@ def _clicks_cut(text: str, run: str, entry: Any) -> tuple[int, int, RunClicks]:
         end = text.rindex("}", 0, entry.end_mark.index)
         comma = " " if text[:end].rstrip().endswith(",") else ", "
         return end, end, RunClicks(run, "", f"{comma}{_CLICKS}: ")
-    end = _COMMENT.match(text, _end(text, entry)).end()  # type: ignore[union-attr]  # it also matches nothing
+    end = _end(text, entry)
+    comment = _COMMENT.match(text, end)
+    end = comment.end() if comment else end
     # Where an anchor precedes the keys the entry begins there.
     first_key, _ = entry.value[0]
     line_end = "\r\n" if "\r\n" in text else "\n"
     return end, end, RunClicks(run, "", f"{line_end}{' ' * first_key.start_mark.column}{_CLICKS}: ")
 
 
-_COMMENT = re.compile(r"([ \t]+#[^\r\n]*)?")
+_COMMENT = re.compile(r"[ \t]+#[^\r\n]*")
 _ALIAS, _ANCHOR = re.compile(r"\s*:\s+(\*[^\s,\]}]+)"), re.compile(r"&\S+\s+")
 
 
