@@ -53,13 +53,14 @@ def _joined(words: Iterable[str]) -> str:
 
 
 def _totals(table: pd.DataFrame) -> dict[str, float | str]:
-    """How many cells ended in each way, which are silently wrong, and the largest error of those over the allowed."""
+    """How many cells ended in each way, which are silently wrong, and the largest error of those over the allowed, 0
+    where there are none."""
     counts = Counter(table.poses)
     found: dict[str, float | str] = {f"all, {outcome}": float(counts[outcome]) for outcome in OUTCOMES}
-    worst: dict[str, float] = {}
+    worst = dict.fromkeys((_name(cell) for _, cell in table.iterrows()), 0.0)
     for _, cell in table[table.poses == "silently wrong"].iterrows():
-        worst[_name(cell)] = max(worst.get(_name(cell), 0.0), cell.worst)
-    found["silently wrong"] = _joined(worst)
+        worst[_name(cell)] = max(worst[_name(cell)], cell.worst)
+    found["silently wrong"] = _joined(name for name, over in worst.items() if over > 0)
     return found | {f"{name}, error over the allowed": over for name, over in worst.items()}
 
 
