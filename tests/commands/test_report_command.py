@@ -7,10 +7,8 @@ from dataclasses import replace
 import pytest
 
 from towval.cli import _arguments, _keys, main
-from towval.commands.report import _inputs, _provenance, _put_in_place
-from towval.io.atomic import write_text
+from towval.commands.report import _inputs, _provenance
 from towval.io.campaign import load_campaign
-from towval.io.manifest import MANIFEST, write_manifest
 from towval.io.mcap_file import write_mcap
 from towval.model.towing import FloorRegion
 
@@ -48,18 +46,3 @@ def test_the_command_of_the_report_makes_the_same_folder(lab_small, tmp_path):
     assert parsed.results / load_campaign(parsed.campaign).name == results
     # With the settings that are not the defaults: a reader who copies the line gets the same numbers.
     assert _keys(parsed.keys, parsed.stage) == {"calibrate.lens_models": ["k1 k2"], "calibrate.position_limit_m": 1e-5}
-
-
-def test_figures_that_are_drawn_no_more_go_and_others_stay_unlisted(tmp_path):
-    """Those of a run that was left out since were listed as made of the results."""
-    figures, drawn = tmp_path / "figures", tmp_path / ".figures"
-    for name in ("agreement_a.svg", "agreement_b.svg", "repeats.svg"):
-        write_text(figures / name, "of the last report")
-    write_manifest(tmp_path / MANIFEST, figures.iterdir())
-    write_text(figures / "repeats.svg", "changed by hand")
-    write_text(figures / "mine.svg", "of somebody else")
-    write_text(drawn / "agreement_a.svg", "of this report")
-    assert _put_in_place(drawn, figures) == [figures / "agreement_a.svg"]
-    assert {path.name for path in figures.iterdir()} == {"agreement_a.svg", "repeats.svg", "mine.svg"}
-    assert (figures / "agreement_a.svg").read_text() == "of this report"
-    assert not drawn.exists()

@@ -3,7 +3,6 @@
 import json
 import os
 import shlex
-import shutil
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -19,7 +18,7 @@ from towval.commands.settings import settings_from
 from towval.io.atomic import check_own
 from towval.io.campaign import Campaign, load_campaign
 from towval.io.chain import Origin, check_made_of, read_origin
-from towval.io.manifest import MANIFEST, check_list, read_manifest, write_manifest
+from towval.io.manifest import MANIFEST, check_list, replacing_files, write_manifest
 from towval.io.provenance import file_hash
 from towval.io.reading import is_plain_file
 from towval.io.records import read_calibration
@@ -79,11 +78,9 @@ def run(
         repeats=repeats,
         identification=None if identified is None else read_identification(identified),
     )
-    drawn = results / ".figures"
-    shutil.rmtree(drawn, ignore_errors=True)  # of a call that was killed
-    drawn.mkdir()
-    write_report(results / "report.html", data, drawn, _PROCESSES)
-    figures = _put_in_place(drawn, results / "figures")
+    with replacing_files(results / "figures") as drawn:
+        write_report(results / "report.html", data, drawn, _PROCESSES)
+        figures = [results / "figures" / path.name for path in drawn.iterdir()]
     tables = write_summary(results / "summary.csv", [item.record.comparison for item in runs])
     write_manifest(results / MANIFEST, [*_made(results, given, identified), *figures, *tables])
     verdicts = {item.record.name: item.record.comparison.verdict.value for item in runs}
@@ -124,19 +121,6 @@ def _left_out(given: Campaign) -> list[Finding]:
     """The finding that names the runs that are left out, if any are."""
     reasons = ", ".join(f"run {name} ({reason})" for name, reason in given.left_out.items())
     return [finding("runs_left_out", runs=reasons)] if reasons else []
-
-
-def _put_in_place(drawn: Path, figures: Path) -> list[Path]:
-    """Move figures into their folder, and remove those of the last report that are drawn no more, as it left them."""
-    figures.mkdir(exist_ok=True)
-    placed = [path.replace(figures / path.name) for path in sorted(drawn.iterdir())]
-    drawn.rmdir()
-    manifest = figures.parent / MANIFEST
-    for row in read_manifest(manifest) if is_plain_file(manifest) else ():
-        path = figures.parent / row.name
-        if path.parent == figures and path not in placed and row.found == row.stated:
-            path.unlink()
-    return placed
 
 
 def _made(results: Path, given: Campaign, identified: Path | None) -> list[Path]:

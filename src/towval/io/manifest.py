@@ -4,7 +4,9 @@ The list has the format of ``sha256sum``, so that ``sha256sum --check`` reads it
 """
 
 import re
+import shutil
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,6 +47,29 @@ def write_manifest(path: Path, files: Iterable[Path]) -> None:
     names = {file.relative_to(path.parent).as_posix(): file for file in files}
     check_list(path)
     write_text(path, "".join(f"{file_hash(names[name])}  {name}\n" for name in sorted(names)))
+
+
+@contextmanager
+def replacing_files(folder: Path) -> Iterator[Path]:
+    """An empty folder whose files take their places in ``folder`` when the block ends without an error.
+
+    Those that the list beside ``folder`` names there, and that are made no more, are removed where they still are as
+    the list says; all else stays.
+    """
+    fresh = folder.with_name(f".{folder.name}")
+    shutil.rmtree(fresh, ignore_errors=True)  # of a call that was killed
+    fresh.mkdir(parents=True)
+    try:
+        yield fresh
+        folder.mkdir(exist_ok=True)
+        placed = {path.replace(folder / path.name) for path in fresh.iterdir()}
+        manifest = folder.parent / MANIFEST
+        for row in read_manifest(manifest) if is_plain_file(manifest) else ():
+            path = folder.parent / row.name
+            if path.parent == folder and path not in placed and row.found == row.stated:
+                path.unlink()
+    finally:
+        shutil.rmtree(fresh, ignore_errors=True)
 
 
 def check_list(path: Path) -> None:
