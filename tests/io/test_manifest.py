@@ -20,11 +20,12 @@ def figures(tmp_path):
 
 def test_files_that_are_made_no_more_go_and_all_else_stays(figures):
     """Figures of a run that was left out since were listed as made of the results."""
+    write_text(figures.parent / ".figures" / "draft.svg", "of somebody else")
     with replacing_files(figures) as drawn:
         write_text(drawn / "agreement_a.svg", "of this report")
     assert {path.name for path in figures.iterdir()} == {"agreement_a.svg", "repeats.svg", "mine.svg"}
     assert (figures / "agreement_a.svg").read_text() == "of this report"
-    assert not drawn.exists()
+    assert {path.name for path in figures.parent.iterdir()} == {"figures", ".figures", MANIFEST}
 
 
 def test_a_report_that_fails_leaves_the_figures_of_the_last_one(figures):
@@ -38,4 +39,4 @@ def test_a_report_that_fails_leaves_the_figures_of_the_last_one(figures):
     with pytest.raises(ZeroDivisionError):
         fail()
     assert {path.name: path.read_text() for path in figures.iterdir()} == before
-    assert not (figures.parent / ".figures").exists()
+    assert {path.name for path in figures.parent.iterdir()} == {"figures", MANIFEST}

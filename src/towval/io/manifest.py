@@ -5,6 +5,7 @@ The list has the format of ``sha256sum``, so that ``sha256sum --check`` reads it
 
 import re
 import shutil
+import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -56,9 +57,8 @@ def replacing_files(folder: Path) -> Iterator[Path]:
     Those that the list beside ``folder`` names there, and that are made no more, are removed where they still are as
     the list says; all else stays.
     """
-    fresh = folder.with_name(f".{folder.name}")
-    shutil.rmtree(fresh, ignore_errors=True)  # of a call that was killed
-    fresh.mkdir(parents=True)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    fresh = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
     try:
         yield fresh
         folder.mkdir(exist_ok=True)
