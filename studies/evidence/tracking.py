@@ -23,7 +23,7 @@ from towval.model.findings import finding
 from towval.model.tracks import TrackStatus
 from towval.tracking.plane_tracker import PlaneTracker
 
-_SEEDS = range(900, 910)
+_SEEDS = range(26900, 26910)
 
 
 def _metre() -> Values:

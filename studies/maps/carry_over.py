@@ -140,7 +140,7 @@ def _parts(settings: Settings) -> dict[str, Part]:
     }
     chosen = list(FAULTS)[:2] if settings.quick else list(FAULTS)
     keys = {fault: [float(v) for v in sizes.get(fault, [1, 3, 10, 30])] for fault in chosen}
-    seeds = [5] if settings.quick else list(range(100, 110))
+    seeds = [5] if settings.quick else list(range(27400, 27410))
     return {
         f"fault_{k}": {"fault": fault, "sizes": values, "seeds": seeds}
         for k, (fault, values) in enumerate(keys.items())

@@ -70,7 +70,7 @@ def _parts(settings: Settings) -> dict[str, Part]:
     models = ["none", "k1", "k1 k2", "rational", SELECTED]
     if settings.quick:
         return {f"seed_{seed}": {"seed": seed, "views": [6, 12], "models": ["k1 k2", SELECTED]} for seed in range(1, 5)}
-    return {f"seed_{seed}": {"seed": seed, "views": [4, 6, 12, 20], "models": models} for seed in range(7100, 7110)}
+    return {f"seed_{seed}": {"seed": seed, "views": [4, 6, 12, 20], "models": models} for seed in range(27100, 27110)}
 
 
 def _why(rows: pd.DataFrame) -> str:
