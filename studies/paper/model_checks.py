@@ -16,6 +16,9 @@ Decision = tuple[ClaimOutcome, str]
 FLAT_UNTIL = 0.05
 """Speed up to which the paper finds feedback dynamics flat [m/s]."""
 
+SHOWS_M = 0.02
+"""Error of feedforward dynamics that shows in a figure of the paper's, whose curves are 2 and 4 m wide [m]."""
+
 
 def contact_converges(tables: Tables) -> Decision:
     """Whether the iteration ends at forces that balance the load, push everywhere, and act on less than the footprint.
@@ -198,9 +201,10 @@ def _end_gaps(tables: Tables) -> tuple[dict[str, pd.Series], str]:
 
 
 def drift_grows(tables: Tables) -> Decision:
-    """Whether the drift of feedforward grows with the speed, by a fifth or more from each to the next."""
+    """Whether the drift of feedforward grows by a fifth or more from each speed to the next, to where it shows."""
     found, text = _end_gaps(tables)
-    return outcome(all((gaps.to_numpy()[1:] > 1.2 * gaps.to_numpy()[:-1]).all() for gaps in found.values())), text
+    grows = all((gaps.to_numpy()[1:] > 1.2 * gaps.to_numpy()[:-1]).all() for gaps in found.values())
+    return outcome(grows and all(gaps.iloc[-1] > SHOWS_M for gaps in found.values())), text
 
 
 def slow_is_nominal(tables: Tables) -> Decision:
@@ -215,7 +219,7 @@ def accurate_when_slow(tables: Tables) -> Decision:
     """Whether feedforward is within 2 mm at the lowest speed and off by more than ten times that at the highest."""
     rows = tables["speeds"].sort_values("mean_speed_m_s")
     rms, speed = rows["feedforward_rms_m"], rows["mean_speed_m_s"]
-    return outcome(rms.iloc[0] < 0.002 and rms.iloc[-1] > 0.02), (
+    return outcome(rms.iloc[0] < 0.1 * SHOWS_M and rms.iloc[-1] > SHOWS_M), (
         f"RMS of feedforward {1e3 * rms.iloc[0]:.2g} mm at {speed.iloc[0]:g} m/s, {1e3 * rms.iloc[-1]:.2g} mm at "
         f"{speed.iloc[-1]:g} m/s"
     )

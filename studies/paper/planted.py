@@ -12,7 +12,8 @@ import numpy as np
 from studies.frame import Row
 from studies.paper import further, law_shapes, meshes
 from studies.paper.loop_checks import BREAKING_THRESHOLDS
-from towval.model import TimedPath
+from towval.model import Tether, TimedPath
+from towval.model.geometry import polygon_centroid
 from towval.planning.plan import tow
 from towval.planning.planner import PlanOutcome
 
@@ -20,16 +21,6 @@ from towval.planning.planner import PlanOutcome
 def given(**changed: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """The same function, deaf to some of its arguments."""
     return lambda original: lambda *args, **kwargs: original(*args, **{**kwargs, **changed})
-
-
-def first_centre(original: Callable[..., Any]) -> Callable[..., Any]:
-    """Every object has its centre of mass at G1."""
-    return lambda scene, curve, _: original(scene, curve, "G1")
-
-
-def steep(_: Callable[..., Any]) -> Callable[..., Any]:
-    """A law that rises over 1e-4 m/s in place of one that jumps."""
-    return lambda plateau: law_shapes.kinked(plateau / 1e-4, plateau)
 
 
 def jump_for_kink(_: Callable[..., Any]) -> Callable[..., Any]:
@@ -83,16 +74,6 @@ def lost_unless(setting: str, good: Callable[[float], bool]) -> Callable[[Callab
     return wrong
 
 
-def hinge_elsewhere(original: Callable[..., Any]) -> Callable[..., Any]:
-    """The planner takes the hinge to be 0.02 m ahead of where it is."""
-
-    def drive(path: Any, start: Any, rover: Any, *args: Any) -> Any:
-        hinge, *others = rover
-        return original(path, start, (hinge + np.array([0.02, 0.0]), *others), *args)
-
-    return drive
-
-
 def lost_on_lemniscate(original: Callable[..., Any]) -> Callable[..., Any]:
     """On the lemniscate the rover is stuck with the paper's breaking thresholds, and with no other."""
     lost = lost_unless("threshold", lambda threshold: threshold not in BREAKING_THRESHOLDS)(original)
@@ -101,16 +82,6 @@ def lost_on_lemniscate(original: Callable[..., Any]) -> Callable[..., Any]:
         width, height = np.ptp(motion.pose[:, :2], axis=0)
         flat = height < 0.5 * width  # of the four curves the lemniscate alone
         return (lost if flat else original)(scene, patch_, motion, **settings)
-
-    return loop
-
-
-def aside(original: Callable[..., Any]) -> Callable[..., Any]:
-    """The rover is given a path that is 0.3 m beside its own."""
-
-    def loop(scene: Any, patch_: Any, motion: Any, **settings: Any) -> Any:
-        beside = TimedPath(motion.time_s, motion.hinge.position + np.array([0.3, 0.0]))
-        return original(scene, patch_, replace(motion, hinge=beside), **settings)
 
     return loop
 
@@ -125,15 +96,6 @@ def threshold_with_step(original: Callable[..., Any]) -> Callable[..., Any]:
     return row
 
 
-def thresholds_times(factor: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """The rover drives with other thresholds than stated."""
-
-    def wrong(original: Callable[..., Any]) -> Callable[..., Any]:
-        return lambda *args, threshold, **settings: original(*args, threshold=factor * threshold, **settings)
-
-    return wrong
-
-
 def look_ahead_outside(steps: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Look-aheads other than 300 to 400 steps are all taken as another one."""
 
@@ -141,20 +103,6 @@ def look_ahead_outside(steps: int) -> Callable[[Callable[..., Any]], Callable[..
         def loop(*args: Any, look_ahead_steps: int, **settings: Any) -> Any:
             within = 300 <= look_ahead_steps <= 400
             return original(*args, look_ahead_steps=look_ahead_steps if within else steps, **settings)
-
-        return loop
-
-    return wrong
-
-
-def wheelbase(length: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """The rover has another wheelbase."""
-
-    def wrong(original: Callable[..., Any]) -> Callable[..., Any]:
-        def loop(scene: Any, *args: Any, **settings: Any) -> Any:
-            wheels = scene.rover.wheel_positions
-            longer = replace(scene.rover, wheel_positions=wheels * [length / np.ptp(wheels[:, 0]), 1.0])
-            return original(replace(scene, rover=longer), *args, **settings)
 
         return loop
 
@@ -185,36 +133,6 @@ def stronger_by_the_step(original: Callable[..., Any]) -> Callable[..., Any]:
     return motion
 
 
-def hinge_on_the_object(original: Callable[..., Any]) -> Callable[..., Any]:
-    """The rover is led along the object's own path, as if there were no tether between them."""
-
-    def motion(*args: Any, **kwargs: Any) -> Any:
-        found = original(*args, **kwargs)
-        return replace(found, hinge=TimedPath(found.time_s, found.pose[:, :2]))
-
-    return motion
-
-
-def without_tether_of_its_own(original: Callable[..., Any]) -> Callable[..., Any]:
-    """Every tether has the stiffness of the plan."""
-    return lambda scene, patch_, motion, **kwargs: original(scene, patch_, motion, **{**kwargs, "tether": None})
-
-
-def hundred_times_stiffer(original: Callable[..., Any]) -> Callable[..., Any]:
-    """The tether is a hundred times as stiff."""
-
-    def motion(scene: Any, patch_: Any, planned: Any, **kwargs: Any) -> Any:
-        tether = replace(scene.tether, stiffness=100 * scene.tether.stiffness)
-        return original(scene, patch_, planned, **{**kwargs, "tether": tether})
-
-    return motion
-
-
-def stiffness_not_heeded(original: Callable[..., Any]) -> Callable[..., Any]:
-    """A tether keeps the stiffness that it has, whatever is asked for."""
-    return lambda tether, stiffness: original(tether)
-
-
 def tighter_by(factor: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """The centres about which the rover can turn begin closer to it than they do."""
 
@@ -227,11 +145,6 @@ def tighter_by(factor: float) -> Callable[[Callable[..., Any]], Callable[..., An
         return region
 
     return wrong
-
-
-def wide_turn(original: Callable[..., Any]) -> Callable[..., Any]:
-    """The turn is a hundred times as wide."""
-    return lambda rover: original(rover)._replace(tips=100 * original(rover).tips)
 
 
 def narrow_steering(original: Callable[..., Any]) -> Callable[..., Any]:
@@ -254,11 +167,135 @@ def either_flank(original: Callable[..., Any]) -> Callable[..., Any]:
     return piece
 
 
+def hinge_elsewhere(ahead: float, left: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """The planner takes the hinge to be elsewhere on the rover than it is [m]."""
+
+    def wrong(original: Callable[..., Any]) -> Callable[..., Any]:
+        def drive(path: Any, start: Any, rover: Any, *args: Any) -> Any:
+            hinge, *others = rover
+            return original(path, start, (hinge + np.array([ahead, left]), *others), *args)
+
+        return drive
+
+    return wrong
+
+
+def planner_reads(**settings: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """The planner takes some of its settings to be other than they are; a callable gets them from what they are."""
+
+    def wrong(original: Callable[..., Any]) -> Callable[..., Any]:
+        def loop(nominal: Any, towed: Any, patch_: Any, tether: Any, rover: Any, planner: Any, **kwargs: Any) -> Any:
+            read = {
+                name: value(getattr(planner, name)) if callable(value) else value for name, value in settings.items()
+            }
+            return original(nominal, towed, patch_, tether, rover, replace(planner, **read), **kwargs)
+
+        return loop
+
+    return wrong
+
+
+def tether_taken(stiffness: Callable[[float], float]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """The dynamics take the tether to be of another stiffness than it is [N/m]."""
+
+    def wrong(original: Callable[..., Any]) -> Callable[..., Any]:
+        def motion(towed: Any, patch_: Any, tether: Tether, *args: Any, **kwargs: Any) -> Any:
+            return original(towed, patch_, replace(tether, stiffness=stiffness(tether.stiffness)), *args, **kwargs)
+
+        return motion
+
+    return wrong
+
+
+def hinge_late(seconds: float) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """The dynamics take the hinge to be where it was some time ago."""
+
+    def wrong(original: Callable[..., Any]) -> Callable[..., Any]:
+        def motion(towed: Any, patch_: Any, tether: Any, hinge: TimedPath, *args: Any, **kwargs: Any) -> Any:
+            earlier = [np.interp(hinge.time_s - seconds, hinge.time_s, along) for along in hinge.position.T]
+            late = TimedPath(hinge.time_s, np.column_stack(earlier))
+            return original(towed, patch_, tether, late, *args, **kwargs)
+
+        return motion
+
+    return wrong
+
+
+def without_inertia(original: Callable[..., Any]) -> Callable[..., Any]:
+    """The dynamics take the object to have a thousandth of its mass and inertia; its weight stays."""
+
+    def motion(towed: Any, *args: Any, **kwargs: Any) -> Any:
+        light = replace(towed, mass=1e-3 * towed.mass, inertia=1e-3 * towed.inertia)
+        return original(light, *args, **kwargs)
+
+    return motion
+
+
+def first_patch_kept(original: Callable[..., Any]) -> Callable[..., Any]:
+    """The dynamics keep the pressure and friction of their first call."""
+    kept: list[Any] = []
+
+    def motion(towed: Any, patch_: Any, *args: Any, **kwargs: Any) -> Any:
+        kept.append(patch_)
+        return original(towed, kept[0], *args, **kwargs)
+
+    return motion
+
+
+def without_peak(original: Callable[..., Any]) -> Callable[..., Any]:
+    """The law is made without the rise of friction at rest."""
+    return lambda asked: original(replace(asked, static=asked.kinetic))
+
+
 def twice_the_friction_velocity(original: Callable[..., Any]) -> Callable[..., Any]:
-    """The law is made for twice the friction velocity."""
-    return lambda asked: original(replace(asked, friction_velocity=2 * asked.friction_velocity))
+    """The law is fitted to twice the friction velocity."""
+    return lambda static, kinetic, v_s, v_k, *args: original(static, kinetic, v_s, 2 * v_k, *args)
 
 
-def high_tow(original: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Anchor and hinge are 0.1 m above the floor."""
-    return {**original, "plane": lambda scene, **_: further.plane_rows(scene, heights=0.1)}
+def limits_forgotten(original: Callable[..., Any]) -> Callable[..., Any]:
+    """The planner's centres are those of a rover without steering limits."""
+    return lambda rover: original(further.without_limits(rover))
+
+
+def hinge_on_the_object(original: Callable[..., Any]) -> Callable[..., Any]:
+    """The plan leads the hinge along the object's own path, as if there were no tether between them."""
+
+    def motion(*args: Any, **kwargs: Any) -> Any:
+        found = original(*args, **kwargs)
+        return replace(found, hinge=TimedPath(found.time_s, found.pose[:, :2]))
+
+    return motion
+
+
+def load_in_the_middle(original: Callable[..., Any]) -> Callable[..., Any]:
+    """The pressure is that of an object with its centre of mass in the middle of its footprint."""
+
+    def pressure(towed: Any, *args: Any) -> Any:
+        return original(replace(towed, centre_of_mass=polygon_centroid(towed.patch.outline)), *args)
+
+    return pressure
+
+
+def in_line(original: Callable[..., Any]) -> Callable[..., Any]:
+    """The steering angles leave out how far a wheel is from the middle line of the rover."""
+    return lambda wheels, twist: original(np.asarray(wheels) * [1.0, 0.0], twist)
+
+
+def without_direction(original: Callable[..., Any]) -> Callable[..., Any]:
+    """The wrench leaves out by how much friction differs with the direction."""
+    return lambda patch_, twists: original(patch_._replace(anisotropy=np.array([1.0, 0.0, 1.0])), twists)
+
+
+def anchor_higher(original: Callable[..., Any]) -> Callable[..., Any]:
+    """The equations in space have the anchor 0.1 m higher than it is, and the hinge with it."""
+
+    def problem(towed: Any, sliding: Any, tether: Any, ground: Any, hinge_height: float, *args: Any) -> Any:
+        raised = replace(towed, anchor_height=towed.anchor_height + 0.1)
+        return original(raised, sliding, tether, ground, hinge_height + 0.1, *args)
+
+    return problem
+
+
+def friction_rises(original: Callable[..., Any]) -> Callable[..., Any]:
+    """The equation of motion lets friction rise over 0.1 mm/s, whatever the law."""
+    return lambda scene, law, speed: original(scene, lambda fast: law(fast) * np.minimum(1.0, fast / 1e-4), speed)
