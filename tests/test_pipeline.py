@@ -80,6 +80,15 @@ def test_several_campaigns_run_in_one_call(lab):
     assert "results/synthetic/a/compare.mcap" not in planned.stdout
 
 
+def test_a_list_of_campaigns_needs_no_single_one_beside_it(lab, repository, tmp_path):
+    (tmp_path / "config.yaml").write_text(f"campaigns: ['{lab.campaign}']\nresults: elsewhere\n", encoding="utf-8")
+    line, options = lab.command(repository=repository / "src" / "towval" / "workflow")
+    line = [*line[: line.index("--config")], "--configfile", str(tmp_path / "config.yaml"), "--dry-run"]
+    planned = subprocess.run(line, capture_output=True, text=True, timeout=120, check=False, **options)
+    assert planned.returncode == 0, planned.stdout + planned.stderr
+    assert "elsewhere/synthetic/report.html" in planned.stdout
+
+
 def test_identification_comes_on_request_and_into_the_report(lab):
     identified = lab.snakemake('identify={"parameters":["rest_length"]}')
     assert identified.returncode == 0, identified.stdout + identified.stderr

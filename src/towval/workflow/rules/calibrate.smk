@@ -10,7 +10,7 @@ rule calibrate:
         results("{campaign}", "benchmarks", "calibrate.tsv")
     conda:
         "../envs/towval.yaml"
-    threads: 2
+    threads: section("calibrate").get("threads", 2)
     resources:
         mem_mb=2000,
         runtime=10,

@@ -36,6 +36,10 @@ for file in map(Path, workflow.configfiles):
     if file.is_file() and file.suffix != ".json":
         or_exit(read_yaml, file)
 
+if isinstance(config.get("campaigns"), list) and config["campaigns"]:
+    # These take the place of the one campaign, which then need not be named.
+    config.setdefault("campaign", config["campaigns"][0])
+
 or_exit(check, config, packaged_schema("config.schema.yaml"), "config")
 
 RESULTS = Path(config["results"])

@@ -109,6 +109,7 @@ rule uncertainty:
         results("{campaign}", "{run}", "benchmarks", "uncertainty.tsv")
     conda:
         "../envs/towval.yaml"
+    threads: section("uncertainty").get("processes", 1)
     resources:
         mem_mb=1000,
         runtime=30,
