@@ -89,7 +89,7 @@ def _rhythm(bend: Array, noise: float, period: int, phase: int) -> float | None:
     at = [bend[(phase + i) % period :: period] for i in range(period)]
     at = [one[np.isfinite(one)] for one in at]
     if min(len(one) for one in at) < CONSTANTS.least_bends:
-        return None
+        return 0.0 if _bends_between(at, noise) else None
     # From the last invented picture to the next real one bodies leap by what the invention was off by.
     medians = [float(np.median(one)) for one in at]
     # What is stated holds what wanders slowly, too.
@@ -97,6 +97,17 @@ def _rhythm(bend: Array, noise: float, period: int, phase: int) -> float | None:
         return None
     real, *between, _ = medians
     return real / max((*between, 1e-9))
+
+
+def _bends_between(at: Sequence[Array], noise: float) -> bool:
+    """Whether a body that moves in few pictures bends all the same at those that would be invented, beyond its noise.
+
+    Its bends (n,) [m] are those at real pictures, then those after; where it bends between as well, none were invented.
+    """
+    between = np.concatenate(at[1:-1])
+    if len(between) < CONSTANTS.least_bends or np.median(between) < CONSTANTS.shown * noise:
+        return False
+    return not len(at[0]) or bool(np.median(at[0]) < CONSTANTS.rhythm * np.median(between))
 
 
 def _between(track: Track, period: int) -> Array:
