@@ -263,6 +263,15 @@ def test_the_page_is_cut_right_where_an_editor_marks_the_coding(lab, tmp_path):
     ]
 
 
+def test_the_clicks_of_runs_that_are_one_by_an_alias_stand_once():
+    """They stood twice in what the page saves, which was no YAML."""
+    for keys in ("{video: a.mp4}", "{video: a.mp4, first_frame_clicks_px: {rover: [[1, 2]]}}"):
+        text = f"runs:\n  a: &a {keys}\n  b: *a\n"
+        parts = [part for part in text_in_parts(text) if not isinstance(part, str)]
+        assert [part.run for part in parts] == ["a"]
+        assert "".join(part if isinstance(part, str) else part.stated for part in text_in_parts(text)) == text
+
+
 def test_no_board_is_shown_where_marks_fix_the_frame():
     """The calibration takes the marks then, and does not need the board in that picture either."""
     given = load_campaign(SAMPLE)

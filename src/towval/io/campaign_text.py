@@ -85,8 +85,10 @@ class FloorCorner(NamedTuple):
 def text_in_parts(text: str) -> list[str | RunClicks | FloorCorner]:
     """The text of a campaign.yaml cut where clicks and floor corners belong; all else stays as it is written."""
     document = yaml.compose(text, Loader=SafeLoader)
+    # Of runs that are one by an alias the first one's clicks are those of all.
+    runs = {id(entry): (name, entry) for name, entry in reversed(_pair(document, "runs")[1].value)}
     cuts: list[tuple[int, int, RunClicks | FloorCorner]] = [
-        _clicks_cut(text, str(name.value), entry) for name, entry in _pair(document, "runs")[1].value
+        _clicks_cut(text, str(name.value), entry) for name, entry in runs.values()
     ]
     floor = _pair(document, "floor")
     for name, key in (("origin", "origin_corner_px"), ("end", "x_axis_end_corner_px")):
