@@ -336,3 +336,35 @@ def test_a_folder_that_cannot_be_written_to_is_one_fault_beside_all_others(lab, 
     assert ["camera.fps is 30" in other["what"] for other in told["faults"]].count(True) == 1
     assert 4 < told["runs"]["a"]["object_pixel_mm"] < 6
     assert "check: look at the start of run a" in capsys.readouterr().err
+
+
+def test_a_fault_without_a_line_comes_after_all_others_in_a_file_of_many_comments(lab, tmp_path):
+    """The number of keys stood for that of lines."""
+
+    def change(document):
+        document["camera"]["fps"] = 30
+        document["runs"]["b"] = {"video": "campaign.yaml"}
+
+    folder = lab(change)
+    file = folder / "campaign.yaml"
+    file.write_text("# a comment\n" * 400 + file.read_text())
+    named, other = check(folder, tmp_path / "pictures")["faults"]
+    assert named["line"] > 400
+    assert other["line"] is None
+
+
+def test_a_start_is_drawn_over_no_picture_but_an_earlier_start(lab, tmp_path):
+    """With --pictures in a folder of photos, that of a run's name was lost."""
+    folder, pictures = lab(), tmp_path / "pictures"
+    pictures.mkdir()
+    photo = (SAMPLE / "calibration" / "floor.jpg").read_bytes()
+    (pictures / "a.jpg").write_bytes(photo)
+    told = check(folder, pictures)
+    assert ["a.jpg is not replaced" in fault["what"] for fault in told["faults"]] == [True]
+    assert told["runs"]["a"]["picture"] == ""
+    assert [path.name for path in pictures.iterdir()] == ["a.jpg"]
+    assert (pictures / "a.jpg").read_bytes() == photo
+    (pictures / "a.jpg").unlink()
+    for _ in range(2):
+        assert check(folder, pictures)["faults"] == []
+    assert sorted(path.name for path in pictures.iterdir()) == ["a.jpg", "start.html"]

@@ -1,10 +1,11 @@
 """Command check: every fault of a campaign folder at once, the starts to look at, expected accuracy and cost."""
 
 import json
+import math
 import os
 import re
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,16 +20,18 @@ from towval.commands.calibrate import calibrated
 from towval.commands.console import step
 from towval.commands.run_folder import check_spared, same_footage
 from towval.commands.track import Begun, begin, findings_of_rate, known_starts, open_video, spread_pictures
+from towval.io.atomic import check_own, not_ours
 from towval.io.campaign import Campaign, Run, read_campaign, read_document
 from towval.io.campaign_text import text_in_parts
 from towval.io.images import GrayPictures, write_picture
+from towval.io.reading import is_plain_file
 from towval.io.schema import key_lines
 from towval.model import Array, Body, Finding, Severity
 from towval.model.errors import Faults, InputError, TowvalError
 from towval.model.findings import leaves_unjudged
 from towval.model.input_types import value_of
 from towval.report.preview import draw_start
-from towval.report.start_page import FloorBoard, StartOfRun, write_start_page
+from towval.report.start_page import START_MARK, FloorBoard, StartOfRun, write_start_page
 from towval.selection.margin import measurement_std_m
 from towval.tracking.clicks import unsure_start
 from towval.tracking.follow import judge_clicks
@@ -74,7 +77,7 @@ def check(folder: Path, pictures: Path) -> dict[str, Any]:
     given, faults = read_campaign(folder, document)
     warnings: list[str] = []
     runs = {} if given is None else _runs(given, pictures, faults, warnings)
-    listed = sorted((_fault(fault, lines) for fault in faults), key=lambda row: row["line"] or len(lines) + 1)
+    listed = sorted((_fault(fault, lines) for fault in faults), key=lambda row: row["line"] or math.inf)
     return {
         "campaign": str(folder),
         "faults": listed,
@@ -94,7 +97,7 @@ def _runs(given: Campaign, pictures: Path, faults: Faults, warnings: list[str]) 
         return {}
     warnings += [found.text for found in calibration.findings if found.severity is Severity.WARNING]
     starts: dict[str, StartOfRun] = {}
-    runs: dict[str, dict[str, Any]] = {}
+    frames: dict[str, int] = {}
     for name, video in videos.items():
         if video is None:
             continue
@@ -110,14 +113,29 @@ def _runs(given: Campaign, pictures: Path, faults: Faults, warnings: list[str]) 
         start = told.attempt(_start, given, begun, told)
         if start is None:
             continue
-        starts[name] = start
-        drawn = faults.attempt(_draw_start, pictures / f"{name}.jpg", given, start)
-        runs[name] = _expected(given, len(stamps_s), start, drawn or "")
+        starts[name], frames[name] = start, len(stamps_s)
         if told is faults:
             warnings += [f"run {name}, {body}: {text}" for body, text in start.doubts.items()]
-    if starts:
-        faults.attempt(_write_page, pictures / "start.html", given, starts)
-    return runs
+    drawn = _drawn(pictures, given, starts, faults) if starts else {}
+    return {name: _expected(given, frames[name], start, drawn.get(name, "")) for name, start in starts.items()}
+
+
+def _drawn(pictures: Path, given: Campaign, starts: Mapping[str, StartOfRun], faults: Faults) -> dict[str, str]:
+    """Write the page on the starts, and draw each; returns where, by the run.
+
+    Nothing is written where somebody else's pictures have these names: beside our own lies the page.
+    """
+    page, places = pictures / "start.html", {name: pictures / f"{name}.jpg" for name in starts}
+    try:
+        check_own(page, START_MARK)
+        for place in () if is_plain_file(page) else filter(is_plain_file, places.values()):
+            raise not_ours(place)
+    except InputError as error:
+        faults.append(error)
+        return {}
+    faults.attempt(_write_page, page, given, starts)
+    drawn = {name: faults.attempt(_draw_start, place, given, starts[name]) for name, place in places.items()}
+    return {name: place for name, place in drawn.items() if place}
 
 
 def _tell(found: Finding, entry: Run, faults: Faults, warnings: list[str]) -> None:

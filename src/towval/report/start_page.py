@@ -16,7 +16,7 @@ from towval.report.inline import data_uri, script_json
 from towval.report.preview import floor_grid
 from towval.report.templating import template_asset
 
-_MARK = "<title>Starts of the runs</title>"
+START_MARK = "<title>Starts of the runs</title>"
 """What a page that may be replaced says near its beginning."""
 
 _QUALITY = 88
@@ -93,7 +93,7 @@ def write_start_page(
     scripts = ("SCRIPT", template_asset("start.js")), ("FLOOR", template_asset("start_floor.js"))
     for mark, content in (("CSS", template_asset("start.css")), *scripts, ("DATA", script_json(data))):
         page = page.replace(f"/*{mark}*/", content)
-    write_text(path, page, own=_MARK)
+    write_text(path, page, own=START_MARK)
 
 
 def _run(start: StartOfRun) -> dict[str, object]:
