@@ -189,6 +189,16 @@ def test_on_a_terminal_it_asks_and_asks_again(footage, monkeypatch, capsys):
     assert load_campaign(footage).scene.body_mass == 4.0
 
 
+@pytest.mark.parametrize("slip", ["[[0, 0], [1, 0], [1]]", "[a, b]", "[true, false]", "[.inf, 1]", "0.75"])
+def test_a_top_that_is_none_is_asked_for_again(footage, monkeypatch, capsys, slip):
+    """The first two had ended in a traceback, and what was wrong was called the document."""
+    answers = iter([slip, "[0.75, 0.5]"])
+    monkeypatch.setattr("builtins.input", lambda question: next(answers) if question.startswith("rover.top") else "")
+    run(footage, {key: fact for key, fact in FACTS.items() if key != "rover.top_corners_m"}, ask=True, find=False)
+    assert "the answer: rover.top_corners_m" in capsys.readouterr().out
+    assert read_yaml(footage / "campaign.yaml")["rover"]["top_corners_m"][2] == [0.375, 0.25]
+
+
 @pytest.mark.parametrize(("gone", "words"), [("a.mp4", "holds no video"), ("calibration", "holds no picture")])
 def test_a_folder_without_footage_is_told(footage, gone, words):
     path = footage / gone

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 import yaml
@@ -173,7 +173,7 @@ def _check_facts(document: Mapping[str, Any]) -> None:
     whole = deepcopy(dict(document))
     for section in whole.values():
         top = section.get("top_corners_m") if isinstance(section, dict) else None
-        if isinstance(top, list) and len(top) == 2 and all(type(length) in (int, float) for length in top):
+        if _is_pair(top):
             section["top_corners_m"] = _rectangle(*top)
     Faults(faults_of(whole, _of_parts(campaign_schema()), "the list of facts").values()).raise_any("the list of facts")
 
@@ -273,7 +273,7 @@ def _fill(draft: Draft, ask: bool) -> None:
             elif fact.guess is None and fact.needed:
                 missing.append(_unknown(fact.key))
         value = draft.known(fact.key)
-        if fact.key.endswith("top_corners_m") and np.shape(value) == (2,):
+        if fact.key.endswith("top_corners_m") and _is_pair(value):
             draft.known(fact.key.split(".")[0])["top_corners_m"] = _rectangle(*value)
     if not (draft.known("floor.image") or draft.known("floor.surveyed_marks")):
         missing.append(_unknown("floor.image"))
@@ -285,6 +285,11 @@ def _guessed(fact: Fact, section: Mapping[str, Any]) -> tuple[Any, str] | None:
         return fact.guess(section) if fact.guess else None
     except KeyError:  # What it rests on is not known either.
         return None
+
+
+def _is_pair(top: Any) -> TypeGuard[list[float]]:
+    """Whether a top is stated as its length and width."""
+    return isinstance(top, list) and len(top) == 2 and all(type(length) in (int, float) for length in top)
 
 
 def _rectangle(length: float, width: float) -> list[list[float]]:
@@ -329,8 +334,8 @@ def _asked(fact: Fact, guessed: tuple[Any, str] | None) -> Any:
         except InputError as error:
             print(error)
             continue
-        pair = key.endswith("top_corners_m") and np.shape(value) == (2,)
-        faults = {} if pair else faults_of(value, schema, key)
+        whole = _rectangle(*value) if key.endswith("top_corners_m") and _is_pair(value) else value
+        faults = faults_of({key: whole}, {"properties": {key: schema}, "$defs": schema["$defs"]}, "the answer")
         if not faults:
             return value
         print(next(iter(faults.values())))
