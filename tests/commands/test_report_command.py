@@ -7,8 +7,9 @@ from dataclasses import replace
 import pytest
 
 from towval.cli import _arguments, _keys, main
-from towval.commands.report import _inputs, _provenance
+from towval.commands.report import _inputs, _provenance, _stated
 from towval.io.campaign import load_campaign
+from towval.io.chain import Origin
 from towval.io.mcap_file import write_mcap
 from towval.model.towing import FloorRegion
 
@@ -46,3 +47,10 @@ def test_the_command_of_the_report_makes_the_same_folder(lab_small, tmp_path):
     assert parsed.results / load_campaign(parsed.campaign).name == results
     # With the settings that are not the defaults: a reader who copies the line gets the same numbers.
     assert _keys(parsed.keys, parsed.stage) == {"calibrate.lens_models": ["k1 k2"], "calibrate.position_limit_m": 1e-5}
+
+
+def test_the_command_of_the_report_states_no_setting_of_one_run_for_all():
+    """The default of the other run did not count: the line made that run with the setting of the first."""
+    one, other = (Origin("decimate", "", {}, {}, settings=json.dumps({"excess": excess})) for excess in (2.5, 3.0))
+    assert list(_stated([one, other])) == []
+    assert list(_stated([one, one])) == ["--set", "decimate.excess=2.5"]

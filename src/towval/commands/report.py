@@ -161,16 +161,15 @@ def _versions(origins: Iterable[Origin]) -> dict[str, str]:
 
 def _stated(origins: Iterable[Origin]) -> Iterator[str]:
     """Options of ``towval run`` for the settings that are not the defaults, as far as all runs have the same."""
-    found: dict[str, set[str]] = {}
+    found: dict[tuple[str, str], list[Any]] = {}
     for origin in origins:
-        if not origin.stage:  # another program's, which records no settings
-            continue
-        for key, value in without_defaults(origin.stage, json.loads(origin.settings)).items():
-            if value is not None:
-                found.setdefault(f"{origin.stage}.{key}", set()).add(json.dumps(value))
-    for key, values in found.items():
-        if len(values) == 1:
-            yield from ("--set", f"{key}={values.pop()}")
+        if origin.stage:  # else another program's, which records no settings
+            for key, value in json.loads(origin.settings).items():
+                found.setdefault((origin.stage, key), []).append(value)
+    for (stage, key), values in found.items():
+        same = all(value == values[0] for value in values)
+        if same and values[0] is not None and without_defaults(stage, {key: values[0]}):
+            yield from ("--set", f"{stage}.{key}={json.dumps(values[0])}")
 
 
 def _settings(origins: Mapping[Path, Origin]) -> dict[str, str]:
