@@ -52,6 +52,25 @@ def test_runs_in_the_making_and_damaged_comparisons_are_unfinished(tmp_path):
     assert runs["path_rms_m"].isna().all()
 
 
+@pytest.mark.parametrize(
+    ("details", "provenance"),
+    [
+        ({"findings": ["Blurred."]}, {}),
+        ({"findings": [{"code": "blur", "text": "Blurred."}]}, {}),
+        ({}, {"inputs_sha256": "[1]"}),
+        ({}, {"campaign_sha256": "null"}),
+        ({}, {"versions": "1.0.0"}),
+    ],
+)
+def test_a_file_of_a_version_that_wrote_otherwise_counts_as_not_made(tmp_path, details, provenance):
+    """One such file among all had ended the index with a traceback."""
+    for name in "ab":
+        make_run(tmp_path / "lab" / name)
+    write_mcap(tmp_path / "lab" / "a" / "compare.mcap", [], {**COMPARED, **details}, provenance)
+    runs = read_results([tmp_path]).runs
+    assert runs[["state", "verdict"]].values.tolist() == [["uncertainty", UNFINISHED], ["compare", "agrees"]]
+
+
 def test_a_comparison_that_does_not_belong_to_the_run_is_not_made(tmp_path):
     for name in "abc":
         make_run(tmp_path / "lab" / name)

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pandas as pd
 
@@ -60,8 +60,9 @@ class ResultsIndex:
 def read_results(folders: Sequence[Path]) -> ResultsIndex:
     """Index of all runs below ``folders``, each the results of one campaign or of many.
 
-    Only details and provenance of the files are read. A file that is damaged or vanishes meanwhile counts as not made,
-    and so does one of another run, or one made of a file that has been replaced since.
+    Only details and provenance of the files are read. A file that is damaged, vanishes meanwhile or is of a version
+    that wrote them otherwise counts as not made, and so does one of another run, or one made of a file that has been
+    replaced since.
     Results of a run that a later report of its campaign leaves out are passed over, and so is a campaign that one of
     the folders before has led to.
 
@@ -132,33 +133,48 @@ def _folders(folder: Path) -> list[Path]:
     return sorted(entry for entry in folder.iterdir() if entry.is_dir())
 
 
-_Stage = tuple[dict[str, Any], dict[str, str], float]
-"""Details and provenance of a file, and when it was made [s since 1970]."""
+class _Stage(NamedTuple):
+    """What a file says of itself, with parts of campaign.yaml among the inputs; when it was made [s since 1970]."""
+
+    details: dict[str, Any]
+    findings: list[tuple[str, str, str]]
+    run: str | None
+    inputs: dict[str, str]
+    settings: str
+    version: str | None
+    made_s: float
 
 
 def _stage_of(path: Path) -> _Stage | None:
     try:
-        return *read_details(path), path.stat().st_mtime
-    except (InputError, FileNotFoundError):
-        return None
+        details, provenance = read_details(path)
+        inputs, sections, versions = (
+            dict(json.loads(provenance.get(key, "{}"))) for key in ("inputs_sha256", "campaign_sha256", "versions")
+        )
+        return _Stage(
+            details,
+            list(_findings(details)),
+            provenance.get("run"),
+            inputs | {f"campaign.yaml: {name}": digest for name, digest in sections.items()},
+            provenance.get("settings", "{}"),
+            versions.get("towval"),
+            path.stat().st_mtime,
+        )
+    except (InputError, FileNotFoundError, AttributeError, LookupError, TypeError, ValueError):
+        return None  # damaged, gone meanwhile, or of a version that wrote otherwise
 
 
 def _rows_of(run: Path, camera: _Stage | None) -> Iterator[tuple[str, tuple[Any, ...]]]:
     """Rows of a run, each with the name of its table and without the key."""
     made = _belonging(run, camera)
-    details = {stage: content[0] for stage, content in made.items()}
-    for stage, (notes, provenance, _) in {**({"calibrate": camera} if camera else {}), **made}.items():
-        yield from (("findings", (stage, *row)) for row in _findings(notes))
-        hashes = json.loads(provenance.get("inputs_sha256", "{}"))
-        sections = json.loads(provenance.get("campaign_sha256", "{}"))
-        hashes |= {f"campaign.yaml: {name}": digest for name, digest in sections.items()}
-        yield from (("inputs", (stage, name, digest)) for name, digest in hashes.items())
-        yield "settings", (stage, provenance.get("settings", "{}"))
-    compared = details.get("compare", {})
+    for stage, known in {**({"calibrate": camera} if camera else {}), **made}.items():
+        yield from (("findings", (stage, *row)) for row in known.findings)
+        yield from (("inputs", (stage, name, digest)) for name, digest in known.inputs.items())
+        yield "settings", (stage, known.settings)
+    compared, sampled = (made[stage].details if stage in made else {} for stage in ("compare", "uncertainty"))
     # What no input explains alone has a share, too; of few draws that is all.
-    shares = details.get("uncertainty", {}).get("shares", {})
+    shares = sampled.get("shares", {})
     main = max((name for name in shares if name in _INPUTS and shares[name]), key=shares.get, default="")
-    provenance = next((content[1] for content in reversed(made.values())), {})
     yield (
         "runs",
         (
@@ -167,8 +183,8 @@ def _rows_of(run: Path, camera: _Stage | None) -> Iterator[tuple[str, tuple[Any,
             *(compared.get(name) for name in _MEASURES),
             main,
             shares.get(main),
-            json.loads(provenance.get("versions", "{}")).get("towval"),
-            max((content[2] for content in made.values()), default=None),
+            next((known.version for known in reversed(made.values())), None),
+            max((known.made_s for known in made.values()), default=None),
             *_costs(run),
         ),
     )
@@ -179,20 +195,19 @@ def _belonging(run: Path, camera: _Stage | None) -> dict[str, _Stage]:
 
     Only a file that is newer than what was made of it is hashed: copies lose the order of times, results are many.
     """
-    found = {stage: content for stage in STAGES_OF_RUN if (content := _stage_of(run / f"{stage}.mcap"))}
+    found = {stage: known for stage in STAGES_OF_RUN if (known := _stage_of(run / f"{stage}.mcap"))}
     before = {"camera": (run.parent / "camera.mcap", camera)} if camera else {}
     kept: dict[str, _Stage] = {}
-    for stage, (details, provenance, made_s) in found.items():
-        made_of = json.loads(provenance.get("inputs_sha256", "{}"))
-        named = [name for name in before if f"{name}.mcap" in made_of]
+    for stage, known in found.items():
+        named = [name for name in before if f"{name}.mcap" in known.inputs]
         stale = any(
             (name in found and name not in kept)
-            or (before[name][1][2] > made_s and _replaced(before[name][0], made_of[f"{name}.mcap"]))
+            or (before[name][1].made_s > known.made_s and _replaced(before[name][0], known.inputs[f"{name}.mcap"]))
             for name in named
         )
-        if not stale and len({provenance.get("run"), *(other[1].get("run") for other in kept.values())}) == 1:
-            kept[stage] = details, provenance, made_s
-        before[stage] = run / f"{stage}.mcap", found[stage]
+        if not stale and len({known.run, *(other.run for other in kept.values())}) == 1:
+            kept[stage] = known
+        before[stage] = run / f"{stage}.mcap", known
     return kept
 
 
