@@ -188,18 +188,20 @@ def test_a_timed_path_from_a_file_keeps_its_times(tmp_path):
     assert read_path(file).time_s.tolist() == [0.0, 1.0, 3.0]
 
 
-@pytest.mark.parametrize("name", ["t_s", "Time"])
+@pytest.mark.parametrize("name", ["t_s", "Time", "Time_s", " time_s", "t [ms]", "stamp_ns"])
 def test_times_of_another_name_are_not_passed_over(tmp_path, name):
     """The path was planned as if it had none, at the duration of the scene."""
     file = tmp_path / "timed.csv"
     pd.DataFrame({name: [0.0, 1.0, 3.0], "x_m": [0.0, 1.0, 2.0], "y_m": 0.0}).to_csv(file, index=False)
-    with pytest.raises(InputError, match=f"column {name}(.|\n)*name the column time_s"):
+    with pytest.raises(InputError, match=rf"column {re.escape(name)}(.|\n)*name the column time_s"):
         read_path(file)
 
 
-def test_a_path_file_without_its_columns_is_refused(tmp_path):
+@pytest.mark.parametrize("text", ["x,y\n0,0\n1,0\n", "x_m,y_m,x_m\n0,0,5\n1,0,6\n"])
+def test_a_path_file_without_its_columns_or_with_one_twice_is_refused(tmp_path, text):
+    """Of two columns of one name the first was taken."""
     file = tmp_path / "bad.csv"
-    file.write_text("x,y\n0,0\n")
+    file.write_text(text)
     with pytest.raises(InputError, match="no path"):
         read_path(file)
 

@@ -1,5 +1,6 @@
 """The command tow: recordings of others, and where the object starts behind them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from towval.io.mcap_file import Message, write_mcap
 from towval.io.plan_files import read_tow
 from towval.io.provenance import file_hash
 from towval.io.records import read_simulated
-from towval.io.ros import stamped_pose, stamped_vector, typestore
+from towval.io.ros import make, stamped_pose, stamped_vector, typestore
 from towval.model.errors import InputError, RefusedError
 from towval.validation.recorded_tow import standing
 
@@ -77,6 +78,38 @@ def test_poses_of_another_type_are_named(tmp_path):
     write_mcap(file, vectors, {}, {})
     with pytest.raises(InputError, match=r"no stamped poses(.|\n)*geometry_msgs/msg/Vector3Stamped"):
         read_tow(file)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "z", "w"), [(0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.3, 0.0, 0.9), (0.2, 0.2, 0.2, 0.3)]
+)
+def test_an_orientation_that_is_no_heading_is_refused(tmp_path, x, y, z, w):
+    """Of one that is not known, of a marker's frame with z down, of tracking with y up: all were headings."""
+    poses = [stamped_pose(t, np.array([t, 0.0, 0.1])) for t in (0.0, 1.0)]
+    leaning = make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
+    poses[1] = replace(poses[1], pose=replace(poses[1].pose, orientation=leaning))
+    messages = [Message(topic, 0, pose) for pose in poses for topic in ("/rover/pose", "/object/pose")]
+    write_mcap(tmp_path / "leaning.mcap", messages, {}, {})
+    with pytest.raises(InputError, match=r"/rover/pose of .* not upright(.|\n)*the first at 1 s"):
+        read_tow(tmp_path / "leaning.mcap")
+
+
+def test_poses_in_two_frames_are_refused(tmp_path):
+    """Odometry of the rover and a map of the object were taken for one frame."""
+
+    def in_frame(name, t):
+        pose = stamped_pose(t, np.zeros(3))
+        return replace(pose, header=replace(pose.header, frame_id=name))
+
+    def written(rover, towed):
+        messages = [Message("/rover/pose", 0, in_frame(rover, t)) for t in (0.0, 1.0)]
+        write_mcap(tmp_path / "two.mcap", [*messages, Message("/object/pose", 0, in_frame(towed, 0.0))], {}, {})
+        return tmp_path / "two.mcap"
+
+    with pytest.raises(InputError, match=r"several frames\n  got: map, odom"):
+        read_tow(written("odom", "map"))
+    for rover, towed in (("/map", "map"), ("", "map")):
+        assert len(read_tow(written(rover, towed))[0]) == 2
 
 
 def recording(file, rover_s, object_s):

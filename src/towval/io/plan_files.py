@@ -1,8 +1,10 @@
 """Plans as files: MCAP with the topics of a campaign, CSV for everybody, paths from CSV."""
 
+import re
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -67,8 +69,17 @@ _ROVER, _OBJECT = ("/rover/pose",), ("/object/pose", "/object/pose_simulated")
 _STAMPED = "PoseStamped, PoseWithCovarianceStamped or Odometry"
 
 
-def _stamped_poses(content: McapContent, path: FilePath, body: str, topics: Sequence[str]) -> tuple[Array, Array]:
-    """Times (n,) [s] and poses (n, 3) of the first of the ``topics`` that has any, in the order of their headers."""
+_MOST_LEAN_DEG = 30.0
+"""Of a body that drives on the floor: no noise of a marker is more, and with another axis up there is no heading."""
+
+
+def _stamped_poses(
+    content: McapContent, path: FilePath, body: str, topics: Sequence[str]
+) -> tuple[Array, Array, set[str]]:
+    """Times (n,) [s] and poses (n, 3) of the first of the ``topics`` that has any, in the order of their headers.
+
+    And the names of the frames that the poses are in, as far as they are stated.
+    """
     for topic in topics:
         values = content.values(topic)
         other = next((one for one in values if not (hasattr(one, "header") and hasattr(one, "pose"))), None)
@@ -77,20 +88,30 @@ def _stamped_poses(content: McapContent, path: FilePath, body: str, topics: Sequ
         if values:
             values = sorted(values, key=ros.stamp_ns)
             times_s = np.array([ros.stamp_ns(value) for value in values], dtype=np.float64) / NANOSECONDS_PER_SECOND
-            poses = planar_poses([getattr(value.pose, "pose", value.pose) for value in values])
-            finite = np.isfinite(poses).all(axis=1)
-            if not finite.all():
-                raise InputError(
-                    f"{topic} of {path} holds poses that are not finite",
-                    got=f"the first at {times_s[finite.argmin()]:.12g} s",
-                    remedy="leave out the times at which the pose is not known",
-                )
-            return times_s, poses
+            full = [getattr(value.pose, "pose", value.pose) for value in values]
+            poses, upright = planar_poses(full), np.array([_is_upright(each.orientation) for each in full])
+            for good, wrong, remedy in (
+                (np.isfinite(poses).all(axis=1), "not finite", "leave out the times at which the pose is not known"),
+                (upright, "not upright", f"give orientations whose z axis is up, to {_MOST_LEAN_DEG:g} degrees"),
+            ):
+                if not good.all():
+                    raise InputError(
+                        f"{topic} of {path} holds poses that are {wrong}",
+                        got=f"the first at {times_s[good.argmin()]:.12g} s",
+                        remedy=remedy,
+                    )
+            return times_s, poses, {value.header.frame_id.strip("/") for value in values} - {""}
     raise InputError(
         f"{path} has no poses of the {body}",
         got=", ".join(sorted(content.topics)) or "no topics",
         allowed=f"the topic {' or '.join(topics)}",
     )
+
+
+def _is_upright(quaternion: Any) -> bool:
+    """Whether the z axis is about upright; false for zeros, which stand for an orientation that is not known."""
+    lean, turn = quaternion.x**2 + quaternion.y**2, quaternion.z**2 + quaternion.w**2
+    return bool(lean < np.tan(np.radians(_MOST_LEAN_DEG / 2)) ** 2 * turn)
 
 
 def read_tow(path: FilePath) -> tuple[Array, Array, Array]:
@@ -102,12 +123,19 @@ def read_tow(path: FilePath) -> tuple[Array, Array, Array]:
     of somebody else's. Times are those of the headers: a recording's own are when the messages arrived.
 
     Raises `InputError` when the file is missing, damaged or without one of these topics, or one holds other messages or
-    poses that are not finite, or the object is first seen after the last pose of the rover, or the rover has one pose
-    only from there on, or two at one time.
+    poses that are not finite or not upright, or their frames differ, or the object is first seen after the last pose of
+    the rover, or the rover has one pose only from there on, or two at one time.
     """
     content = read_mcap(path, only=(*_ROVER, *_OBJECT))
-    times_s, poses = _stamped_poses(content, path, "rover", _ROVER)
-    object_times_s, object_poses = _stamped_poses(content, path, "object", _OBJECT)
+    times_s, poses, frames = _stamped_poses(content, path, "rover", _ROVER)
+    object_times_s, object_poses, further = _stamped_poses(content, path, "object", _OBJECT)
+    if len(frames | further) > 1:
+        raise InputError(
+            f"the poses in {path} are in several frames",
+            got=", ".join(sorted(frames | further)),
+            allowed="one frame for rover and object",
+            remedy="transform the poses to one frame, that of the floor",
+        )
     first = max(times_s[0], object_times_s[0])
     if first > times_s[-1]:
         raise InputError(
@@ -167,28 +195,29 @@ def write_table(path: FilePath, table: pd.DataFrame) -> None:
         table.to_csv(temporary, index=False, float_format="%.10g", lineterminator="\n")
 
 
-_OTHER_NAMES_OF_TIMES = {"t", "t_s", "time", "times", "times_s", "time_ms", "t_ms", "timestamp", "stamp", "seconds"}
+_NAME_OF_TIMES = re.compile(r"t|t[mun]?s|(time|stamp|sec).*")
+"""Letters of names that times have in the files of others."""
 
 
 def read_path(path: FilePath) -> Array | TimedPath:
     """Points (n, 2) [m] of a path from CSV with columns ``x_m`` and ``y_m``; with ``time_s`` a path with these times.
 
-    Raises `InputError` when the file is missing, or a column is, or times have another name, or a row has more numbers
-    than there are names, or there are fewer than two rows.
+    Raises `InputError` when the file is missing, or a column is or is there twice, or times have another name, or a row
+    has more numbers than there are names, or there are fewer than two rows.
     """
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)
             # Without an index: pandas makes one of what a row has too many, and moves the numbers to other names.
             table = pd.read_csv(path, index_col=False)
-        missing = [name for name in ("x_m", "y_m") if name not in table]
-        if missing:
+        # Of two columns of one name pandas calls the second x_m.1, and nothing tells which is meant.
+        if not {"x_m", "y_m"} <= set(table) or not {"x_m.1", "y_m.1", "time_s.1"}.isdisjoint(table):
             raise InputError(
                 f"{path} is no path",
                 got=f"columns {', '.join(table)}",
-                allowed="columns x_m, y_m and perhaps time_s, with commas between",
+                allowed="columns x_m, y_m and perhaps time_s, one of each, with commas between",
             )
-        misnamed = [name for name in table if name.lower() in _OTHER_NAMES_OF_TIMES]
+        misnamed = [name for name in table if _NAME_OF_TIMES.fullmatch(re.sub(r"[\W\d_]", "", name.lower()))]
         if misnamed and "time_s" not in table:
             raise InputError(
                 f"{path} states times under a name that is not read",
