@@ -142,7 +142,7 @@ def progress(label: str, total: int | None, unit: str = "frame") -> Iterator[Cal
     def line(done: int) -> None:
         nonlocal next_line, told_s
         if total is None and time.monotonic() - told_s >= _UNTOLD_S:
-            print(f"{label}: {done} {unit}s", file=sys.stderr, flush=True)
+            print(f"{label}: {done} {unit}{'s' * (done != 1)}", file=sys.stderr, flush=True)
             told_s = time.monotonic()
         if total and done >= next_line * total:
             print(f"{label}: {done} of {total} {unit}s", file=sys.stderr, flush=True)

@@ -64,9 +64,9 @@ def replacing_files(folder: Path) -> Iterator[Path]:
         folder.mkdir(exist_ok=True)
         placed = {path.replace(folder / path.name) for path in fresh.iterdir()}
         manifest = folder.parent / MANIFEST
-        for row in read_manifest(manifest) if is_plain_file(manifest) else ():
-            path = folder.parent / row.name
-            if path.parent == folder and path not in placed and row.found == row.stated:
+        for stated, name in _entries(manifest) if is_plain_file(manifest) else ():
+            path = folder.parent / name
+            if path.parent == folder and path not in placed and is_plain_file(path) and file_hash(path) == stated:
                 path.unlink()
     finally:
         shutil.rmtree(fresh, ignore_errors=True)
