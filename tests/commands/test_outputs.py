@@ -1,6 +1,7 @@
 """What a command writes: never over its input or a file of others; what the system refuses is one message."""
 
 import errno
+import json
 import os
 import resource
 import shutil
@@ -22,7 +23,7 @@ from towval.io.campaign import load_campaign, names_in
 from towval.io.exchange import write_layouts
 from towval.io.manifest import MANIFEST, check_results, write_manifest
 from towval.io.mcap_file import check_replaceable, write_mcap
-from towval.io.provenance import provenance
+from towval.io.provenance import file_hash, provenance
 from towval.io.records import write_tracks
 from towval.io.summary import write_summary
 from towval.io.workflow_lock import clear_stale_locks
@@ -333,6 +334,31 @@ def test_results_never_go_into_the_campaign_or_over_files_of_the_lab(tmp_path):
     with pytest.raises(InputError, match="repeats 'xy' twenty times"):
         check_results(tmp_path / "out", {"lab_" + 30 * "xy": Lab(lab)})
     check_results(tmp_path / "out", {"a<b c>" + 15 * "x": Lab(lab)})
+
+
+def test_the_results_of_another_campaign_of_one_name_are_not_replaced(tmp_path):
+    """Two labs with a folder for each day, called from one place: the second one's results took the first one's."""
+    lab = Lab(tmp_path / "lab")
+    picture, video = lab.folder / "board.jpg", lab.folder / "a.mp4"
+    lab.folder.mkdir()
+    lab.calibration_images, lab.runs = (picture,), {"a": SimpleNamespace(video=video)}
+    picture.write_bytes(b"board")
+    video.write_bytes(b"film")
+    results = tmp_path / "out" / "lab"
+
+    def made(name, **inputs):
+        known = {"stage": name, "run": "", "versions": "{}", "settings": "{}", "campaign_sha256": "{}"}
+        write_mcap(results / name, [], {}, {**known, "inputs_sha256": json.dumps(inputs)})
+
+    made("camera.mcap", board="another")
+    made("a/track.mcap", **{"a.mp4": "another", "camera.mcap": file_hash(results / "camera.mcap")})
+    with pytest.raises(InputError, match=r"another campaign of this name(.|\n)*--results"):
+        check_results(tmp_path / "out", {"lab": lab})
+    made("a/track.mcap", **{"a.mp4": file_hash(video)})  # the pictures were taken anew
+    check_results(tmp_path / "out", {"lab": lab})
+    made("a/track.mcap", **{"a.mp4": "another"})  # the film was exchanged, and the campaign moved
+    made("camera.mcap", board=file_hash(picture))
+    check_results(tmp_path / "out", {"lab": lab})
 
 
 @pytest.mark.parametrize(

@@ -7,12 +7,14 @@ import re
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from towval.io.atomic import not_ours, write_text
 from towval.io.campaign import Campaign
+from towval.io.chain import read_origin
 from towval.io.mcap_file import is_own
 from towval.io.provenance import file_hash
 from towval.io.reading import check_name, is_folder, is_plain_file, read_bytes
@@ -147,11 +149,12 @@ def check_results(results: Path, campaigns: Mapping[str, Campaign]) -> None:
 
     Snakemake removes what it is about to make; what stands at these names must be ours.
 
-    Raises `InputError` where the results would go into the campaign's own folder, or over a file that no stage made.
+    Raises `InputError` where the results would go into the campaign's own folder, over a file that no stage made, or
+    over those of another campaign.
     """
     check_name(results, "config: results")
     for name, campaign in campaigns.items():
-        lab = (*campaign.calibration_images, *campaign.floor_images, *(run.video for run in campaign.runs.values()))
+        lab = [*campaign.calibration_images, *campaign.floor_images, *(run.video for run in campaign.runs.values())]
         _check_names_for_snakemake(results / name, lab)
         folder = results / name
         if folder.resolve() == campaign.folder.resolve():
@@ -161,6 +164,27 @@ def check_results(results: Path, campaigns: Mapping[str, Campaign]) -> None:
                 remedy="set another folder as results",
             )
         _check_others(folder, campaign.runs)
+        if not _is_of(folder, lab):
+            raise InputError(
+                f"{folder} holds the results of another campaign of this name",
+                got=f"made of none of the pictures and videos of {campaign.folder}",
+                remedy="set another folder as results (--results); or move those of the other campaign away",
+            )
+
+
+def _is_of(folder: Path, lab: Iterable[Path]) -> bool:
+    """Whether results may be of a campaign: some were made of a file of the lab, or there are none.
+
+    Footage may be exchanged and pictures taken anew, and campaigns may be moved; but not all of that at once.
+    """
+    hashed, others = cache(file_hash), False
+    for path in (folder / "camera.mcap", *folder.glob("*/track.mcap")):
+        with suppress(InputError):  # missing or damaged
+            made_of = {digest for name, digest in read_origin(path).inputs.items() if name != "camera.mcap"}
+            if made_of and any(hashed(file) in made_of for file in lab):
+                return True
+            others |= bool(made_of)
+    return not others
 
 
 def _check_others(folder: Path, runs: Iterable[str]) -> None:
