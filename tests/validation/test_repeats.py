@@ -64,6 +64,15 @@ def test_the_interval_holds_the_common_error_as_often_as_it_says():
     assert np.mean(held) == pytest.approx(0.95, abs=0.04)  # three deviations of 300 trials
 
 
+def test_scatter_is_no_error_in_common():
+    """The mean of two runs that only scatter is off by 0.7 of that, which was called common to both."""
+    rng, squares = np.random.default_rng(6), []
+    for _ in range(150):
+        drawn = rng.normal([0.003, 0.0], 0.001, (2, 2))
+        squares.append(corridor([run(str(i), lambda _, off=off: off) for i, off in enumerate(drawn)]).common_m ** 2)
+    assert np.mean(squares) == pytest.approx(0.003**2, rel=0.1)  # 1.11 with what the scatter leaves in the mean
+
+
 @pytest.mark.parametrize(("scatter", "code"), [(0.001, "repeats"), (0.004, "repeats_scatter")])
 def test_more_scatter_than_the_deviations_allow_is_a_warning(scatter, code):
     found = corridor([run("a", lambda _: (scatter, 0.0)), run("b", lambda _: (-scatter, 0.0))])

@@ -1,5 +1,6 @@
 """The common error of runs that repeat the same drive."""
 
+import math
 from dataclasses import dataclass
 
 from towval.model.checks import Array, lock
@@ -33,8 +34,8 @@ class Corridor:
 
     @property
     def common_m(self) -> float:
-        """RMS over the path of the error that all runs have in common."""
-        return rms_length(self.mean)
+        """RMS over the path of the error that all runs have in common: of the mean, less what scatter leaves in it."""
+        return math.sqrt(max(0.0, rms_length(self.mean) ** 2 - self.scatter_m**2 / len(self.runs)))
 
     @property
     def scatter_m(self) -> float:
