@@ -248,6 +248,14 @@ def test_a_path_that_takes_too_many_steps_of_the_planner_is_refused(tmp_path):
         run(quick_plan(), str(file), tmp_path / "p.mcap", tmp_path / "p.csv")
 
 
+def test_a_folder_called_paper_is_no_scene(tmp_path, monkeypatch):
+    """That of somebody who writes one: the scene of the package could not be used from there."""
+    (tmp_path / "paper").mkdir()
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match="unknown path nowhere"):
+        run(Path("paper"), "nowhere", tmp_path / "plan.mcap", tmp_path / "plan.csv")
+
+
 def test_a_map_shows_the_wanted_path_and_whose_each_bend_is(tmp_path):
     plan, drawn, towed = (tmp_path / name for name in ("p.mcap", "plan.svg", "tow.svg"))
     planned = run(quick_plan(), "lemniscate", plan, tmp_path / "p.csv", map_file=drawn)

@@ -15,6 +15,7 @@ from towval.io.campaign import Campaign, load_campaign
 from towval.io.mcap_file import read_provenance
 from towval.io.plan_files import check_table, read_path, read_tow, write_plan_csv, write_plan_mcap
 from towval.io.provenance import provenance
+from towval.io.reading import is_plain_file
 from towval.io.records import write_simulated
 from towval.io.schema import check, packaged_schema
 from towval.io.yaml_text import read_yaml
@@ -173,7 +174,7 @@ def _scene(
     scene: Mapping[str, Any] | Path, campaign: Path | None
 ) -> tuple[Mapping[str, Any], PlanScene, Campaign | None]:
     """The scene as its document and as it is used, with what a campaign replaces; and the campaign."""
-    if scene == _PAPER and not _PAPER.exists():
+    if scene == _PAPER and not is_plain_file(_PAPER):  # a folder of that name holds a paper
         scene = Path(str(resources.files("towval").joinpath("workflow", "plan.yaml")))
     document: Any = read_yaml(scene) if isinstance(scene, Path) else scene
     if isinstance(scene, Path):
