@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from towval.io.atomic import replacing
+from towval.io.atomic import replacing, write_text
 from towval.io.mcap_file import read_mcap
 from towval.io.yaml_text import read_yaml
 from towval.model.errors import InputError
@@ -35,3 +35,14 @@ def test_a_write_that_fails_is_told_with_the_name_of_the_file(tmp_path):
         raise OSError(errno.ENOSPC, "No space left on device")
     assert error.value.filename == str(path)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_place_whose_rights_cannot_be_changed_is_written_to(tmp_path, monkeypatch):
+    """A network drive, or one of Windows below Linux: every file was refused."""
+
+    def refuse(*_, **__):
+        raise PermissionError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr(os, "chmod", refuse)
+    write_text(tmp_path / "page.html", "new")
+    assert (tmp_path / "page.html").read_text() == "new"

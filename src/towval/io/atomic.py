@@ -4,7 +4,7 @@ import os
 import stat
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from towval.io.reading import is_plain_file, kind_of
@@ -32,7 +32,8 @@ def replacing(path: Path) -> Iterator[Path]:
         # mkstemp makes files that only their owner reads; give the result the rights a plain open would give.
         umask = os.umask(0)
         os.umask(umask)
-        temporary.chmod(0o666 & ~umask)
+        with suppress(OSError):  # network drives, and those of Windows, may refuse to change rights
+            temporary.chmod(0o666 & ~umask)
         os.replace(temporary, path)
     except OSError as error:
         if error.filename is None:  # a write that fails, as on a full disk, knows no name
