@@ -33,6 +33,17 @@ def test_what_a_phone_appends_to_a_picture_is_no_part_of_it(tmp_path, coding, se
     np.testing.assert_array_equal(read_gray(path, SIZE), alone)
 
 
+def test_what_is_left_behind_the_end_of_a_png_is_no_part_of_it(tmp_path):
+    """As phones leave of a picture that was cropped: it was called none."""
+    path, picture = tmp_path / "cropped.png", np.random.default_rng(0).integers(0, 256, SIZE[::-1], dtype=np.uint8)
+    data = cv2.imencode(".png", picture)[1].tobytes()
+    path.write_bytes(data + bytes(1000))
+    np.testing.assert_array_equal(read_gray(path, SIZE), picture)
+    path.write_bytes(data[:-8])
+    with pytest.raises(InputError, match="no picture that can be read"):
+        read_gray(path, SIZE)
+
+
 @pytest.mark.parametrize("coding", CODINGS)
 @pytest.mark.parametrize("kept", [0.6, 0.9, -1])
 def test_a_picture_that_is_cut_off_is_refused(tmp_path, coding, kept):

@@ -111,12 +111,15 @@ def _decoded(data: bytes) -> NDArray[np.uint8] | None:
 _JPEG_MARK = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 """Begins a segment whose length follows; bytes of a scan that look like it are stuffed with a zero."""
 _JPEG_END = 0xD9
+_PNG_END = b"IEND\xaeB`\x82"
 
 
 def _is_cut_off(data: bytes) -> bool:
-    """Whether the end mark is missing: decoders fill up with grey what is not there."""
+    """Whether the end mark is missing: decoders fill up with grey what is not there.
+
+    What follows the mark is no part of the picture: phones append a film to it, or leave what a cropped one was.
+    """
     if data.startswith(b"\xff\xd8"):
-        # What follows the mark is no part of the picture: phones append a film to it.
         at = 2
         while mark := _JPEG_MARK.search(data, at):
             at = mark.end()
@@ -124,7 +127,7 @@ def _is_cut_off(data: bytes) -> bool:
                 return False
             at += int.from_bytes(data[at : at + 2], "big")
         return True
-    return data.startswith(b"\x89PNG") and b"IEND" not in data[-64:]
+    return data.startswith(b"\x89PNG") and _PNG_END not in data
 
 
 @dataclass(frozen=True)
