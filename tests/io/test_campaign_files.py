@@ -84,6 +84,17 @@ def test_what_is_no_plain_file_is_refused_by_key(lab, name, kind):
         load_campaign(lab)
 
 
+def test_starts_that_the_check_draws_are_no_calibration_pictures(lab):
+    """Of a pattern that walks through all folders they were, from the second call on."""
+    folder = changed(lab, lambda document: document["camera"].update(calibration_images="**/*.jpg"))
+    before = load_campaign(folder).calibration_images
+    (folder / "check").mkdir()
+    shutil.copy(folder / "calibration" / "floor.jpg", folder / "check" / "a.jpg")
+    assert load_campaign(folder).calibration_images == before
+    changed(folder, lambda document: document["camera"].update(calibration_images="check/*.jpg"))
+    assert load_campaign(folder).calibration_images == (folder / "check" / "a.jpg",)
+
+
 @pytest.mark.parametrize(
     "pattern", ["board_**", "/**/*.jpg", "../**/*.jpg", "nothing", "/dev/*", "a\0b", "[", "*" * 50]
 )

@@ -287,8 +287,10 @@ def pictures_of(pattern: str, folder: Path, key: str) -> tuple[Path, ...]:
         raise InputError(f"campaign.yaml: {key} is too wide", got=pattern, allowed="** in the campaign folder only")
     # A name with brackets is no pattern of itself.
     itself = [pattern] if is_plain_file(folder / pattern) else []
-    names = itertools.chain(itself, glob.iglob(pattern, root_dir=folder, recursive=True))
-    pictures = (Path(name) for name in names if Path(name).suffix.lower() in IMAGE_SUFFIXES)
+    names = map(Path, itertools.chain(itself, glob.iglob(pattern, root_dir=folder, recursive=True)))
+    # In a folder of this name `towval check` draws starts, which are no pictures of a board.
+    spared = "check" if "**" in pattern else ""
+    pictures = (name for name in names if name.suffix.lower() in IMAGE_SUFFIXES and name.parts[0] != spared)
     found = sorted({folder / name for name in itertools.islice(pictures, _MOST_PICTURES + 2)})
     if not found:
         raise InputError(
