@@ -202,25 +202,26 @@ def _wanted(scene: PlanScene, wanted: str) -> TimedPath:
 
 
 def _timed(scene: PlanScene, curve: Curve) -> TimedPath:
+    _steps(scene, scene.duration)  # before there are as many points
     return timed(curve, scene.planner_step, duration=scene.duration)
 
 
 def _planner_times(scene: PlanScene, path: TimedPath) -> Array:
     """Times [s] at the planner's step over the duration of a path."""
-    steps = int(np.ptp(path.time_s) / scene.planner_step + 1e-9)
-    if steps < _FEWEST_STEPS:
-        raise InputError(
-            "the path is too short in time for the planner",
-            got=f"{np.ptp(path.time_s):.3g} s",
-            allowed=f"{_FEWEST_STEPS} steps of {scene.planner_step:g} s or more",
-            remedy="state time_s in seconds, or a smaller planner.time_step_s in the scene",
-        )
-    if steps > _MOST_STEPS:
-        raise InputError(
-            "the path takes too long for the planner",
-            got=f"{np.ptp(path.time_s):.6g} s",
-            allowed=f"{_MOST_STEPS} steps of {scene.planner_step:g} s or fewer",
-            remedy="state time_s in seconds, or a larger planner.time_step_s in the scene",
-        )
-    times: Array = path.time_s[0] + scene.planner_step * np.arange(steps + 1)
+    times: Array = path.time_s[0] + scene.planner_step * np.arange(_steps(scene, np.ptp(path.time_s)) + 1)
     return times
+
+
+def _steps(scene: PlanScene, duration_s: float) -> int:
+    """Number of the planner's steps over a duration [s]."""
+    steps = duration_s / scene.planner_step + 1e-9
+    short = steps < _FEWEST_STEPS
+    if short or steps >= _MOST_STEPS + 1:
+        raise InputError(
+            f"the path {'is too short in time' if short else 'takes too long'} for the planner",
+            got=f"{duration_s:.6g} s",
+            allowed=f"{_FEWEST_STEPS} to {_MOST_STEPS} steps of {scene.planner_step:g} s",
+            remedy="state time_s of the path, or quasi_static.duration_s of the scene, in seconds; or change its "
+            "planner.time_step_s",
+        )
+    return int(steps)
