@@ -1,6 +1,7 @@
 import errno
 import itertools
 from fractions import Fraction
+from pathlib import Path
 
 import av
 import numpy as np
@@ -322,6 +323,17 @@ def test_the_track_that_players_show_is_read(tmp_path, ending):
     assert video.stamps_s().tolist() == frame_times(path)[0].tolist() == [t for t, _ in frames]
     with opened_film(path) as film:
         assert [frame.width for frame in decoded(film, damaged=False)] == [128] * 30
+
+
+def test_a_folder_whose_name_looks_like_a_protocol_can_be_drawn_from(tmp_path, monkeypatch):
+    """That of a campaign named by the hour: tracked, and then refused by the report."""
+    (tmp_path / "10:30").mkdir()
+    write_video(tmp_path / "10:30" / "a.mp4", pictures(3))
+    monkeypatch.chdir(tmp_path)
+    path = Path("10:30/a.mp4")
+    assert len(frame_times(path)[0]) == Video(path).header.frames
+    with opened_film(path) as film:
+        assert len(list(decoded(film, damaged=False))) == len(frame_times(path)[0])
 
 
 def test_a_full_disk_is_no_fault_of_the_video_that_is_drawn_on(tmp_path):

@@ -26,13 +26,19 @@ _MARK = "towval"
 """Comment in a film's metadata: only a film with it is replaced."""
 
 
+def _opened(path: Path) -> av.container.InputContainer:
+    # An absolute path is never taken for a protocol, as one is that begins with 10:30/.
+    film: av.container.InputContainer = av.open(path.absolute(), **TEXT_AS_IT_IS)
+    return film
+
+
 def frame_times(path: Path) -> tuple[Array, str]:
     """Presentation times (m,) of the frames that a film shows [s], and the name of its coding; nothing is decoded.
 
     Raises `InputError` when the file is no video.
     """
     try:
-        with av.open(path, **TEXT_AS_IT_IS) as film:
+        with _opened(path) as film:
             stream = shown(film)
             base = fraction(stream.time_base)
             stored = [p.pts for p in film.demux(stream) if p.pts is not None and p.size and not p.is_discard]
@@ -46,7 +52,7 @@ def frame_times(path: Path) -> tuple[Array, str]:
 def opened_film(path: Path) -> Iterator[av.container.InputContainer]:
     """Footage to be decoded; raises `InputError` where it is no video, or FFmpeg fails within the block."""
     try:
-        with av.open(path, **TEXT_AS_IT_IS) as film:
+        with _opened(path) as film:
             if not film.streams.video:
                 raise InputError(f"{path.name} holds no video", remedy="name a video file")
             shown(film).thread_type = "AUTO"
@@ -128,7 +134,7 @@ def check_film_replaceable(path: Path) -> None:
     if not is_plain_file(path):
         return
     try:
-        with av.open(path, **TEXT_AS_IT_IS) as film:
+        with _opened(path) as film:
             marked = film.metadata.get("comment") == _MARK
     except (av.FFmpegError, OSError):
         marked = False
