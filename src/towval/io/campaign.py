@@ -81,7 +81,13 @@ class Campaign:
         return self.rover, self.object
 
     def run(self, name: str) -> Run:
-        """The run of that name; raises `InputError` when there is none."""
+        """The run of that name; raises `InputError` when there is none, or where it is left out."""
+        if name in self.left_out:
+            raise InputError(
+                f"run {name} of the campaign {self.name} is left out",
+                got=self.left_out[name],
+                remedy=f"take runs.{name}.left_out out of campaign.yaml",
+            )
         try:
             return self.runs[name]
         except KeyError:
