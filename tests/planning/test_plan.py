@@ -20,7 +20,7 @@ from towval.io.records import read_simulated
 from towval.io.records.details import findings_in
 from towval.io.schema import check, packaged_schema
 from towval.model import Sliding, TimedPath
-from towval.model.errors import InputError
+from towval.model.errors import InputError, RefusedError
 from towval.model.geometry import compose, transform
 from towval.physics.quasistatic import quasistatic_plan
 from towval.planning import paths
@@ -254,6 +254,23 @@ def test_a_scene_of_too_many_steps_is_refused_before_there_are_as_many_points(tm
     scene["quasi_static"]["duration_s"] = 1e12
     with pytest.raises(InputError, match=r"takes too long for the planner(.|\n)*quasi_static\.duration_s"):
         run(scene, "line", tmp_path / "p.mcap", tmp_path / "p.csv")
+
+
+def test_a_path_of_a_tenth_of_a_millimetre_is_refused(tmp_path):
+    """The rover had circled for minutes, and its plan had filled the memory."""
+    file = tmp_path / "path.csv"
+    pd.DataFrame({"x_m": [0.0, 1e-4], "y_m": 0.0}).to_csv(file, index=False)
+    with pytest.raises(InputError, match=r"too short to be planned(.|\n)*0\.0001\d* m(.|\n)*in metres"):
+        run(quick_plan(), str(file), tmp_path / "p.mcap", tmp_path / "p.csv")
+
+
+def test_a_path_that_all_but_turns_back_on_itself_is_planned_to_an_end(tmp_path):
+    """Panels had shrunk at its turn until they advanced by rounding alone, without an end."""
+    file = tmp_path / "zigzag.csv"
+    x, y = [0.2242, 0.5577, 0.2799, 0.4547, 0.2199], [0.0581, -0.0035, 0.1717, 0.1073, 0.176]
+    pd.DataFrame({"x_m": x, "y_m": y}).to_csv(file, index=False)
+    with pytest.raises(RefusedError, match="the rover does not arrive"):
+        run(quick_plan(), str(file), tmp_path / "p.mcap", tmp_path / "p.csv")
 
 
 def test_a_folder_called_paper_is_no_scene(tmp_path, monkeypatch):

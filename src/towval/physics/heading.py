@@ -129,7 +129,8 @@ def follow(
         t = min(t + h, times[-1])
         piece = piece_at(spline.knots, t, piece)
         nodes[_THETA, 0], nodes[_OMEGA, 0] = nodes[_THETA, _DEGREE], nodes[_OMEGA, _DEGREE]
-        h *= min(_GROW, max(_LEAST_GROWTH, 0.9 * max(error, _LEAST_ERROR) ** (-1 / _DEGREE)))
+        grown = min(_GROW, max(_LEAST_GROWTH, 0.9 * max(error, _LEAST_ERROR) ** (-1 / _DEGREE)))
+        h = max(grown * h, _SHORTEST * span)  # in shorter panels the error is rounding, and none grows
     solves += _hold(patch, geometry, levers, spline, times, plan)
     return panels, solves, bound
 

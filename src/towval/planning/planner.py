@@ -28,6 +28,9 @@ Point: TypeAlias = tuple[float, float]
 FOLLOWED = 2.5
 """A plan whose hinge deviates from the path by an RMS of more than this many arrival distances does not follow it."""
 
+_MOST_ROWS = 50_000_000
+"""Of a plan that gets nowhere: so many take a minute and gigabytes."""
+
 LEAST_TURN = 1e-9
 """Smallest turn [rad]; the centre is then some 10⁹ path steps away, in effect at infinity."""
 
@@ -120,7 +123,7 @@ def plan_rover(
     pose of the rover frame [m, m, rad]; by default the hinge is on the first point, with the heading planned there.
     ASSUME: the wheels are already steered for the first step.
 
-    Raises `InputError` when the path has fewer than three points or no length.
+    Raises `InputError` when the path has fewer than three points or no length, or is far too short for its points.
     """
     length = path_length(path.position)
     if len(path.time_s) < 3 or length == 0:
@@ -138,6 +141,13 @@ def plan_rover(
     speed = length / (path.time_s[-1] - path.time_s[0])
     step = (path.time_s[-1] - path.time_s[0]) / (len(path.time_s) - 1)
     circling = 2 * (2 * np.pi * region.tightest_radius) + settings.threshold
+    if 2 * length + circling > _MOST_ROWS * speed * step:
+        raise InputError(
+            "the rover's path is too short to be planned in so many steps",
+            got=f"{len(path.time_s)} points over {length:.3g} m",
+            allowed=f"up to {_MOST_ROWS} such steps over twice the path and two circles of the rover",
+            remedy="state the path in metres; or take a longer time step",
+        )
     count, code, pose, twist, case, target = _drive(
         (path.position, heading),
         start,
