@@ -123,25 +123,39 @@ def test_one_fault_plants_nothing():
     assert [fault.name for fault in FAULTS if fault.is_none] == ["none"]
 
 
-def test_a_clock_that_begins_late_is_no_fault():
-    time_s = np.arange(100) / 25
-    truth = pd.DataFrame({"t_s": time_s, "rover_x_m": 0.1 * time_s, "rover_y_m": 0.0, "rover_heading_rad": 0.0})
-    pose = np.column_stack([0.1 * (time_s - 0.03), np.zeros((100, 2))])
-    covariance, ones = np.tile(1e-8 * np.eye(3), (100, 1, 1)), np.ones(100)
-    status = np.full(100, TrackStatus.TRACKED, dtype=np.uint8)
-    track = Track("rover", time_s, pose, covariance, status, ones, ones, np.eye(3), total_covariance=covariance)
-    late_s = lateness_s([track], truth)
-    assert late_s == pytest.approx(0.03)
-    assert pose_errors(track, truth)[1].max() == pytest.approx(3e-3)
-    assert pose_errors(track, truth, late_s)[1][1:].max() < 1e-9
+def drawn(pose, time_s):
+    """The track of a rover at poses (n, 3), sure to a tenth of a millimetre."""
+    covariance, ones = np.tile(1e-8 * np.eye(3), (len(time_s), 1, 1)), np.ones(len(time_s))
+    status = np.full(len(time_s), TrackStatus.TRACKED, dtype=np.uint8)
+    return Track("rover", time_s, pose, covariance, status, ones, ones, np.eye(3), total_covariance=covariance)
 
 
-def test_an_error_of_scale_is_no_delay():
+def gone(time_s):
+    """Way of a body that speeds up after a rest [m]."""
+    return 0.1 * np.maximum(time_s - 1, 0) ** 1.5
+
+
+@pytest.fixture
+def tow():
     time_s = np.arange(100) / 25
-    away = 0.1 * (time_s - 1)
-    truth = pd.DataFrame({"t_s": time_s, "rover_x_m": away, "rover_y_m": 0.0, "rover_heading_rad": 0.0})
-    pose = np.column_stack([1.005 * away, np.zeros((100, 2))])
-    covariance, ones = np.tile(1e-8 * np.eye(3), (100, 1, 1)), np.ones(100)
-    status = np.full(100, TrackStatus.TRACKED, dtype=np.uint8)
-    track = Track("rover", time_s, pose, covariance, status, ones, ones, np.eye(3), total_covariance=covariance)
+    truth = pd.DataFrame({"t_s": time_s, "rover_x_m": gone(time_s), "rover_y_m": 0.0, "rover_heading_rad": 0.0})
+    return time_s, truth, np.zeros((100, 2))
+
+
+@pytest.mark.parametrize("off_m", [0.0, 0.004, -0.004])
+def test_a_clock_that_begins_late_is_no_fault(tow, off_m):
+    time_s, truth, still = tow
+    late = drawn(np.column_stack([gone(time_s - 0.03), still]), time_s)
+    off = drawn(np.column_stack([gone(time_s - 0.03) + off_m, still]), time_s)
+    late_s = lateness_s([off], truth)
+    assert late_s == pytest.approx(0.03, rel=0.02)
+    assert pose_errors(late, truth)[1].max() > 5e-3
+    assert pose_errors(late, truth, late_s)[1].max() < 2e-4
+
+
+@pytest.mark.parametrize(("scale", "off_m"), [(1.005, 0.0), (1.0, -0.002), (1.005, -0.002)])
+def test_neither_an_error_of_scale_nor_one_of_place_is_a_delay(tow, scale, off_m):
+    time_s, truth, still = tow
+    noise = np.random.default_rng(0).normal(0, 1e-5, 100)
+    track = drawn(np.column_stack([scale * gone(time_s) + off_m + noise, still]), time_s)
     assert lateness_s([track], truth) == 0.0
