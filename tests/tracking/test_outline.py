@@ -2,14 +2,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from painted import POSE
+from painted import target as painted_target
 
 from studies.worlds.scenes import CeilingCamera, ceiling, rectangle, small_camera, standard_scene
 from towval.model import Body
 from towval.model.errors import InputError
 from towval.model.geometry import compose, inverse, transform
 from towval.optics.projection import project
-from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, pose_from_clicks
+from towval.tracking import outline
+from towval.tracking.outline import OutlineFit, as_begun, combine_fits, observe_outline, pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.pose import step_between
 
 L_SHAPE = np.array([[-0.3, -0.2], [0.3, -0.2], [0.3, 0.05], [0.05, 0.05], [0.05, 0.2], [-0.3, 0.2]])
 
@@ -137,3 +141,42 @@ def test_blurred_pictures_do_not_move_the_registration():
     combined = combine_fits([*blurred[:4], *sharp, *blurred[4:]])
     assert np.linalg.norm(combined.correction[:2]) < 1e-4
     assert np.sqrt(np.diag(combined.covariance)[:2]).max() < 1e-4
+
+
+OWN, BEGUN = painted_target(), np.diag([5e-3, 4e-3, 6e-3]) ** 2
+PIXEL_M = OWN.metres_per_pixel(POSE)
+
+
+def stated(monkeypatch, end, std_px=0.1, usual_px=0.1):
+    """Deviations (3,) of a fit that is ``std_px`` sure, by fits that lead from a step (3,) to its ``end``."""
+
+    def fit(_luma, _target, pose):
+        step = step_between(POSE, pose)
+        correction = step_between(step, np.array(end(step)))
+        return OutlineFit(correction, np.diag([usual_px * PIXEL_M, usual_px * PIXEL_M, 1e-3]) ** 2)
+
+    monkeypatch.setattr(outline, "observe_outline", fit)
+    own = OutlineFit(np.zeros(3), np.diag([std_px * PIXEL_M, std_px * PIXEL_M, 1e-3]) ** 2)
+    return np.sqrt(np.diag(as_begun(None, OWN, POSE, own, BEGUN).covariance))
+
+
+def test_a_fit_to_which_all_lead_is_as_sure_as_it_is(monkeypatch):
+    assert stated(monkeypatch, np.zeros_like) == pytest.approx([0.1 * PIXEL_M, 0.1 * PIXEL_M, 1e-3])
+
+
+def test_a_fit_that_stays_where_it_begins_is_no_surer_than_that(monkeypatch):
+    assert stated(monkeypatch, lambda step: step) == pytest.approx([5e-3, 4e-3, 6e-3])
+
+
+def test_a_fit_is_surer_in_the_directions_in_which_all_lead_to_it(monkeypatch):
+    assert stated(monkeypatch, lambda step: step * [0, 1, 0]) == pytest.approx([0.1 * PIXEL_M, 4e-3, 1e-3])
+
+
+@pytest.mark.parametrize(("usual_px", "counts"), [(0.14, True), (0.16, False)])
+def test_fits_that_are_far_less_sure_say_nothing(monkeypatch, usual_px, counts):
+    assert (stated(monkeypatch, lambda step: step, usual_px=usual_px)[0] > 0.2 * PIXEL_M) == counts
+
+
+@pytest.mark.parametrize(("std_px", "asked"), [(0.04, False), (0.06, True)])
+def test_a_fit_that_has_found_clear_edges_all_around_is_not_asked(monkeypatch, std_px, asked):
+    assert (stated(monkeypatch, lambda step: step, std_px, std_px)[0] > 0.2 * PIXEL_M) == asked

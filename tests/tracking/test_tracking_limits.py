@@ -433,6 +433,15 @@ def test_edges_and_size_are_fitted_twice_a_second_and_half_as_often_after_each_d
     assert gaps_s[12:20] == pytest.approx(1.0)
 
 
+def test_fits_of_the_registration_are_as_unsure_as_where_the_clicks_led_makes_them(follower, monkeypatch):
+    fit = OutlineFit(np.zeros(3), 1e-8 * np.eye(3))
+    monkeypatch.setattr(two_measurements, "observe_outline", lambda *_, **__: fit)
+    monkeypatch.setattr(follow, "observe_size", lambda *_: None)
+    monkeypatch.setattr(follow, "as_begun", lambda *given: OutlineFit(given[3].correction, given[4]))
+    follower.follow(1.0, None)
+    assert np.array_equal(follower.outline_fits[-1].covariance, follower.start_covariance)
+
+
 @pytest.mark.parametrize(("correction_px", "found"), [(2.5, True), (4.0, False)])
 def test_a_registration_is_near_the_clicks(follower, correction_px, found):
     fit = OutlineFit(np.array([correction_px * PIXEL_M, 0, 0]), 1e-8 * np.eye(3))

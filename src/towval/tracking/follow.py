@@ -17,7 +17,7 @@ from towval.tracking.fields import Fields
 from towval.tracking.jumps import jump_findings
 from towval.tracking.known_lengths import lift_findings
 from towval.tracking.noise import as_when_moving, hold_rest, scatter_factors, steadied
-from towval.tracking.outline import OutlineFit, combine_fits, observe_outline, observe_size, pose_from_clicks
+from towval.tracking.outline import OutlineFit, as_begun, combine_fits, observe_outline, observe_size, pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Motion, Tracker, step_between
 from towval.tracking.record import Record
@@ -303,7 +303,7 @@ class Follower:
         self.record.keep_points(found.points_m, found.weights)
         if due:
             if fit is not None:
-                self.outline_fits.append(fit)
+                self.outline_fits.append(as_begun(luma, self.target, found.pose, fit, self.start_covariance))
                 self.fitted_in.append(len(self.record))
             size = observe_size(luma, self.target, place)
             if size is not None:

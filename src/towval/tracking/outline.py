@@ -17,6 +17,7 @@ from towval.model import Array, Body
 from towval.model.errors import InputError
 from towval.model.geometry import compose, rigid_fit, transform
 from towval.tracking.interpolation import plane_to_camera
+from towval.tracking.noise import beyond
 from towval.tracking.outline_kernels import (
     by_pose_and_size_kernel,
     covariance_kernel,
@@ -221,6 +222,30 @@ def observe_outline(
         return free
     held = _fit_outline(*seen, first_px, sized=True) or free
     return held if held is None or free is None else replace(held, size=free.size)
+
+
+def as_begun(
+    luma: NDArray[np.uint8], target: PlanarTarget, pose: Array, fit: OutlineFit, begun_covariance: Array
+) -> OutlineFit:
+    """A ``fit`` of the outline at ``pose`` (3,), stated no surer than fits that begin near there agree with it.
+
+    Clear edges lead to one place from all around, and a fit that knows its place as well as a clear stretch does is not
+    asked. Faint ones, as of a soft picture, keep a fit near where it begins: texture beside an edge may be steeper than
+    the edge, and takes the fits of all pictures the same way. They begin where the clicks led, known to
+    ``begun_covariance`` (3, 3) in the body frame [m², m rad, rad²]: what that makes of the fit is the mean square of
+    fits from six places that have that covariance.
+    """
+    if fit.largest_std_m < CONSTANTS.edge_noise_px * target.metres_per_pixel(pose):
+        return fit
+    steps = np.sqrt(len(pose)) * np.linalg.cholesky(begun_covariance).T
+    fits = ((step, observe_outline(luma, target, compose(pose, step))) for step in (*steps, *-steps))
+    most_m = CONSTANTS.nearly_as_sure * fit.largest_std_m
+    ends = [compose(step, one.correction) for step, one in fits if one is not None and one.largest_std_m < most_m]
+    if not ends:
+        return fit
+    apart = np.array([step_between(fit.correction, end) for end in ends])
+    further = beyond((apart.T @ apart / len(ends))[None], fit.covariance[None], 1.0)[0]
+    return replace(fit, covariance=fit.covariance + further)
 
 
 def observe_size(luma: NDArray[np.uint8], target: PlanarTarget, pose: Array) -> float | None:
