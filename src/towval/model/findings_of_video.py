@@ -49,9 +49,9 @@ register(  # track
     ),
     FindingType(
         "picture_warped", "track", WARNING, WIDENS_TRACKING,
-        "Places of the still floor are displaced against each other by {scattered_px:.2f} px: a camera that shakes "
-        "while it reads its rows, or compression. This is added to the deviations of the poses. Damp the mount, and "
-        "film at a higher bit rate.",
+        "Places {place} are displaced against each other by {scattered_px:.2f} px: a camera that shakes while it reads "
+        "its rows, compression, or a drop on the lens. This is added to the deviations of the poses. Damp the mount, "
+        "clean the lens, and film at a higher bit rate.",
     ),
     FindingType(
         "camera_moved", "track", NOTE, NONE,

@@ -250,7 +250,7 @@ class CameraMotion:
             share = 100 * (1 - found.known.mean())
             findings.append(finding("camera_not_registered", percent=share, gap_s=gap_s, time_s=at_s))
         if found.scattered_px:
-            findings.append(finding("picture_warped", scattered_px=found.scattered_px))
+            findings.append(finding("picture_warped", place="of the still floor", scattered_px=found.scattered_px))
         shifts = np.array([self.watch.as_it_is.shift_px(motion) for motion in found.motion])
         if shifts.max(initial=0.0) > CONSTANTS.reported_px:
             first = float(time_s[np.argmax(shifts > CONSTANTS.reported_px)])

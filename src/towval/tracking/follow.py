@@ -24,6 +24,7 @@ from towval.tracking.record import Record
 from towval.tracking.relocalisation import Candidate, Lookalikes, Relocaliser
 from towval.tracking.template import Luma
 from towval.tracking.two_measurements import EdgeWatch, by_size, compared, edges
+from towval.tracking.warped_top import WarpedTop
 
 TrackerMaker = Callable[[PlanarTarget, Luma, Array], Tracker]
 
@@ -85,7 +86,7 @@ class Follower:
         self.outline_fits: list[OutlineFit] = []
         self.fitted_in: list[int] = []
         self.edge_watch, self.echoes = EdgeWatch(target), Echoes(target, luma, self.first_pose)
-        self.fields = Fields(target, self.echoes.template)
+        self.fields, self.warp = Fields(target, self.echoes.template), WarpedTop(target, self.echoes.template)
         self.sizes: list[float] = []
         self.next_outline_s = self.next_search_s = self.confirmed_until_s = time_s
         self.outlines_fitted = self.mistakable = self.searches = 0
@@ -290,13 +291,13 @@ class Follower:
         asked = due or self._foreign(found)
         found, fit, apart = self.edge_watch.look(len(self.record), time_s, luma, found, predicted, self.tracker, asked)
         found.learn()
-        place = compose(found.pose, fit.correction) if fit is not None and apart else found.pose
-        pose = found.pose
+        pose, place = found.pose, compose(found.pose, fit.correction) if fit is not None and apart else found.pose
         if time_s > self.motion.time_s:
             step = self.motion.velocity * (time_s - self.motion.time_s)
             if self.echoes.is_due(step):
                 self.echoes.look(luma, pose, step)
                 self.fields.look(luma, pose, step)
+                self.warp.look(time_s, luma, pose)
             place = self.motion.observe(time_s, place)
             self.texture_motion.observe(time_s, pose)
             pose = np.array([*pose[:2], place[2] + step_between(place, pose)[2]])

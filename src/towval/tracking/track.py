@@ -162,11 +162,14 @@ class _Group:
             body = follower.target.body
             one = tracks[body.name]
             of_pictures = (*echo_findings(one.time_s, kept), *field_findings(one.time_s, apart))
+            of_pictures += follower.warp.findings(one.time_s)
             late = lateness(one.time_s, one.pose, kept) + field_lateness(one.time_s, one.pose, apart)
+            warped, at_start = follower.warp.widened(one.time_s)
             one = replace(
                 one,
                 findings=(*one.findings, *in_time, *of_rhythm, *of_pictures, *of_floor),
-                covariance=one.covariance + late,
+                covariance=one.covariance + late + warped,
+                start_covariance=one.start_covariance + at_start,
                 camera=camera,
             )
             found[body.name] = with_scatter(with_total(one, doubted, body, of_view))
