@@ -210,15 +210,17 @@ CONTROLS = (
         planted.planner_reads(close_distance=10.0), ("thresholds",),
     ),
     Control(
-        "tight turns are the cause", "the planner's centres are those of a rover without steering limits", _FLANKS,
-        planted.limits_forgotten, ("further/wider",),
+        "tight turns are the cause", "the rover is taken to turn a third as tightly as it can", _FLANKS,
+        planted.tighter_by(0.3), ("further/wider",),
     ),
-    *(
-        Control(
-            name, "the rover is taken to turn a hundred times as tightly as it can", _FLANKS,
-            planted.tighter_by(100.0), ("surface",),
-        )
-        for name in ("feasible areas", "errors of the surfaces, where both arrive")
+    Control(
+        "feasible areas", "the planner takes threshold and look-ahead to be 0.14 m and 350 steps", _CLOSE,
+        planted.planner_reads(threshold=0.14, look_ahead_steps=350), ("surface",),
+    ),
+    Control(
+        "errors of the surfaces, where both arrive",
+        "the planner takes the hinge to be 0.3 m to the left of where it is", _DRIVE,
+        planted.hinge_elsewhere(0.0, 0.3), ("surface",),
     ),
     Control(
         "towing along a path works", "the plan leads the hinge along the object's own path",
