@@ -69,18 +69,13 @@ def without_limits(rover: Rover) -> Rover:
 def wider_rows(scene: PaperScene, thresholds: list[float], width: float) -> list[Row]:
     """Which thresholds arrive on the paper's lemniscate and on a wider one."""
     patch, rows = resting_patch(scene), []
-    for factor in (1.0, wider()):
+    for factor in (1.0, WIDER):
         wide = replace(scene, curves={**scene.curves, "lemniscate": lemniscate(factor * width)})
         nominal = cube_nominal(wide, patch, "lemniscate", scene.planner_step)
         for threshold in thresholds:
             loop = planned_loop(wide, patch, nominal, threshold=threshold)
             rows.append({"width_m": factor * width, "threshold_m": threshold, "outcome": str(loop.rover.outcome)})
     return rows
-
-
-def wider() -> float:
-    """Factor of the wider lemniscate."""
-    return WIDER
 
 
 def disturbed_rows(scene: PaperScene, speed: float) -> list[Row]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -26,18 +26,6 @@ def given(**changed: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
 def jump_for_kink(_: Callable[..., Any]) -> Callable[..., Any]:
     """A law that jumps in place of one with a kink."""
     return lambda _slope, plateau: law_shapes.jumping(plateau)
-
-
-def curve(names: Mapping[str, str]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """The motion on another curve than asked for."""
-
-    def wrong(original: Callable[..., Any]) -> Callable[..., Any]:
-        def on_other(scene: Any, patch_: Any, curve: str, *args: Any, **kwargs: Any) -> Any:
-            return original(scene, patch_, names.get(curve, curve), *args, **kwargs)
-
-        return on_other
-
-    return wrong
 
 
 def one_mesh(original: Callable[..., Any]) -> Callable[..., Any]:
