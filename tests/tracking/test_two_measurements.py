@@ -84,7 +84,9 @@ def test_what_the_outline_adds_is_in_the_frame_of_the_body():
     pose, own = np.array([[1.0, 2.0, np.pi / 2], [0.0, 0.0, 0.0]]), np.diag([1e-6, 1e-6, 1e-6])
     excess, lone = np.zeros((2, 3, 3)), np.zeros((2, 3, 3))
     excess[0, 0, 0], lone[1, 0, 0] = 4e-6, 9e-6
-    widened = Compared(excess, lone, np.zeros((2, 3)), np.zeros((2, 3, 3)), SHARP).widened(pose, np.array([own, own]))
+    widened = Compared(excess, lone, np.zeros((2, 3)), np.zeros((2, 3, 3)), SHARP, excess).widened(
+        pose, np.array([own, own])
+    )
     assert np.diagonal(widened, axis1=1, axis2=2) == pytest.approx(np.array([[1, 5, 1], [10, 1, 1]]) * 1e-6)
 
 
@@ -290,6 +292,22 @@ def test_an_outline_that_wanders_moves_no_pose(off_of):
 def test_an_outline_that_strayed_for_a_while_may_have_done_so_in_the_first_picture(off_of, strayed_m):
     *_, seen = motions(off_of)
     assert np.sqrt(np.diag(seen.strayed)) == pytest.approx([0, strayed_m, 0], rel=0.2, abs=1e-4)
+
+
+@pytest.mark.parametrize("slips_m", [0.0, 16e-3])
+def test_an_outline_that_hops_from_picture_to_picture_is_off_itself_and_hides_no_texture_that_slips(slips_m):
+    """Of two edges 5 mm apart now this and now that is found; the texture of a still body slips away for a second."""
+    rng, n = np.random.default_rng(7), 200
+    time_s, pose = np.arange(n) / 25, np.zeros((n, 3))
+    hops = np.zeros((n, 3))
+    hops[60:140, 1] = 5e-3 * (np.arange(80) // 3 % 4 == 0)
+    pose[90:115, 1] = slips_m * np.sin(np.pi * np.arange(25) / 25)
+    correction = compose(inverse(pose), compose(hops, rng.normal(0, 5e-4, (n, 3))))
+    seen = compared(time_s, pose, np.tile(SHARP, (n, 1, 1)), looks(np.arange(n), correction, std=5e-4), SHARP)
+    worst_m = np.sqrt(seen.excess[:, 1, 1].max())
+    assert worst_m == 0 if slips_m == 0 else worst_m > slips_m / 2
+    assert np.sqrt(seen.hops[100, 1, 1]) > 5e-4
+    assert np.sqrt(seen.strayed[1, 1]) > 1e-3
 
 
 @pytest.mark.parametrize(("hop_px", "codes"), [(0.0, set()), (2.0, {"edges_unsure", "texture_unsure"})])

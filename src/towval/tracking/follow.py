@@ -391,7 +391,7 @@ class Follower:
         self.findings += lift_findings(self.target, time_s[looks.picture], pose[looks.picture], looks.size)
         sizes = np.array([one.size for one in self.outline_fits]).reshape(-1, 2)
         of_size = by_size(sizes - np.median(looks.size, axis=0))
-        fit = self._registration(seen.excess[self.fitted_in] + of_size, seen.strayed)
+        fit = self._registration((seen.excess + seen.hops)[self.fitted_in] + of_size, seen.strayed)
         std_m = float(np.percentile(np.sqrt(np.linalg.eigvalsh(seen.excess[looks.picture, :2, :2])[:, -1]), 95))
         if std_m > CONSTANTS.unsure_edges_px * self.pixel_m:
             self.findings.append(finding("texture_unsure", name=self.target.body.name, std_mm=1000 * std_m))

@@ -215,22 +215,53 @@ def texture_excess(time_s: Array, apart: Array, expected: Array, looks: Looks) -
 
     ``apart`` (m, 3): differences of outline and texture; ``expected`` (m, 3, 3): what both state for them.
     """
-    excess = np.zeros((len(time_s), 3, 3))
     if len(apart) < CONSTANTS.least:
-        return excess
-    at_s = time_s[looks.picture]
-    middle = np.searchsorted(at_s, time_s)
-    low = np.minimum(np.searchsorted(at_s, time_s - CONSTANTS.window_s / 2), middle - CONSTANTS.least // 2)
-    high = np.maximum(np.searchsorted(at_s, time_s + CONSTANTS.window_s / 2), middle + CONSTANTS.least // 2)
-    low = np.clip(low, 0, len(apart) - CONSTANTS.least)
-    high = np.clip(high, low + CONSTANTS.least, len(apart))
-    size = _sizes(apart, expected)
-    beside = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(size, 2, mode="edge"), 5), axis=1)
-    # A single picture counts for those around it no more than they do.
-    bounded = apart * np.minimum(1.0, 2 * beside / np.maximum(size, 1e-12))[:, None]
+        return np.zeros((len(time_s), 3, 3))
+    around = _around(time_s, time_s[looks.picture])
+    bounded = _bounded(apart, expected)
     squares = bounded[:, :, None] * bounded[:, None, :]
     # What shifts an outline (a strip of its side, a line of the floor beside it) stays for a while: many looks are one.
-    return beyond(_means(squares, low, high), _means(expected, low, high), CONSTANTS.disagree**2)
+    return beyond(_means(squares, *around), _means(expected, *around), CONSTANTS.disagree**2)
+
+
+def outline_excess(time_s: Array, pose: Array, apart: Array, expected: Array, of_outline: Array, looks: Looks) -> Array:
+    """The same (n, 3, 3) for the outline, of what it disagrees by from picture to picture.
+
+    An outline that hops between two edges is rough where the texture, on the same motion, is smooth: then it is the
+    one that is off. ``of_outline`` (m, 3, 3) is its share of ``expected``.
+    """
+    at, bounded = looks.picture, replace(looks, correction=_bounded(apart, expected))
+    by_texture, by_outline, gain = jumps(time_s, pose, bounded)
+    known = np.isfinite(gain[at])
+    if known.sum() < CONSTANTS.least:
+        return np.zeros((len(time_s), 3, 3))
+    squares = of_outline.copy()
+    rows = at[known]
+    apart_by = (by_outline - by_texture)[rows] / np.sqrt(gain[rows])[:, None]
+    squares[known] = turned_covariance(apart_by[:, :, None] * apart_by[:, None, :], -pose[rows, 2])
+    around = _around(time_s, time_s[at])
+    texture, outline = (
+        _means(np.where(known, np.sum(each[at, :2] ** 2, axis=1), 0.0)[:, None, None] * np.eye(3), *around)[:, :1, :1]
+        for each in (by_texture, by_outline)
+    )
+    excess = beyond(_means(squares, *around), _means(of_outline, *around), CONSTANTS.smoother)
+    return np.where(outline > CONSTANTS.smoother * texture, excess, 0.0)
+
+
+def _around(time_s: Array, at_s: Array) -> tuple[Array, Array]:
+    """First and past-the-last look of those at times (m,) in a window about each of other times (n,)."""
+    middle, half_s, half = np.searchsorted(at_s, time_s), CONSTANTS.window_s / 2, CONSTANTS.least // 2
+    low = np.minimum(np.searchsorted(at_s, time_s - half_s), middle - half)
+    high = np.maximum(np.searchsorted(at_s, time_s + half_s), middle + half)
+    low = np.clip(low, 0, len(at_s) - CONSTANTS.least)
+    return low, np.clip(high, low + CONSTANTS.least, len(at_s))
+
+
+def _bounded(apart: Array, expected: Array) -> Array:
+    """Differences (m, 3) of which a single picture counts for those around it no more than they do."""
+    size = _sizes(apart, expected)
+    beside = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(size, 2, mode="edge"), 5), axis=1)
+    return np.asarray(apart * np.minimum(1.0, 2 * beside / np.maximum(size, 1e-12))[:, None])
 
 
 def alone(apart: Array, expected: Array) -> Array:
@@ -297,7 +328,8 @@ class Compared:
     ``excess`` (n, 3, 3): covariance of the texture's poses beyond what it states; ``lone`` (n, 3, 3) that of pictures
     which disagree by themselves, where it is not known what is off; ``steps`` (n, 3) to poses that are the outline's
     where the texture's are off, and ``of_steps`` (n, 3, 3) their covariance; ``strayed`` (3, 3): mean square by which
-    the outline stood elsewhere while the texture was kept. All are in the body frame.
+    the outline stood elsewhere while the texture was kept; ``hops`` (n, 3, 3): covariance of the outline beyond what it
+    states, where it hops. All are in the body frame.
     """
 
     excess: Array
@@ -305,6 +337,7 @@ class Compared:
     steps: Array
     of_steps: Array
     strayed: Array
+    hops: Array
 
     def widened(self, pose: Array, covariance: Array) -> Array:
         """Covariances (n, 3, 3) of the texture's poses (n, 3) in the floor frame, with what the outline adds."""
@@ -322,16 +355,18 @@ def compared(time_s: Array, pose: Array, covariance: Array, looks: Looks, of_edg
     expected = turned_covariance(covariance[at], -pose[at, 2]) + of_outline
     apart = looks.correction - np.median(looks.correction, axis=0)
     for_a_while = texture_excess(time_s, apart, expected, looks)
-    excess = for_a_while.copy()
+    far = _sizes(apart, expected)
+    hops = outline_excess(time_s, pose, apart, expected, of_outline, looks)
+    of_outline, expected = of_outline + hops[at], expected + hops[at]
+    excess = texture_excess(time_s, apart, expected, looks) if hops.any() else for_a_while.copy()
     single = alone(apart, expected + excess[at])
     # What jumps in a picture that disagrees by itself is off; it shows where the pictures beside were looked at, too.
     of_texture, of_edge = (np.linalg.norm(one[at, :2], axis=1)[:, None, None] for one in (by_texture, by_outline))
     excess[at] += np.where(of_texture > of_edge, single, 0.0)
     lone = np.zeros_like(excess)
     lone[at] = np.where(np.isfinite(gain[at])[:, None, None], 0.0, single)
-    far = _sizes(apart, expected)
     steps, of_steps = steps_to_smoother(time_s, pose, looks, apart, of_outline, far)
     kept = (far > CONSTANTS.apart) & ~steps[at].any(axis=1)
     # An outline that takes other edges for the top's for a while may have done so in the first picture.
     strayed = np.sum(for_a_while[at[kept]], axis=0) / len(at)
-    return Compared(excess, lone, steps, of_steps, strayed)
+    return Compared(excess, lone, steps, of_steps, strayed, hops)
