@@ -498,15 +498,18 @@ def test_pictures_read_row_by_row_by_a_shaking_camera_are_reported(waves_px):
     assert std_px == pytest.approx(1 / np.sqrt(2), rel=0.5) if waves_px == 1.0 else std_px < 0.15
 
 
-def registered_as(found, by_s=0.04, scattered_px=0.0):
-    """A camera whose pictures after the first are registered as given; None where one is not."""
+PLAIN = np.full_like(FIRST, 90)
+
+
+def registered_as(found, by_s=0.04, scattered_px=0.0, unregistered=PLAIN):
+    """A camera whose pictures after the first are registered as given; None where one is not, which shows so much."""
     camera = CameraMotion(CAMERA, FLOOR, FIRST, [BODY], [POSE])
     answers, as_it_is, camera.opening = iter(found), camera.watch.as_it_is, []
     camera.watch = SimpleNamespace(
         shows_texture=True, as_it_is=as_it_is, scattered_px=scattered_px, register=lambda *_: next(answers)
     )
-    for i in range(len(found) + 1):
-        camera.register(by_s * i, FIRST, [POSE])
+    for i, one in enumerate([moved_by(0.0), *found]):
+        camera.register(by_s * i, unregistered if one is None else FIRST, [POSE])
     return camera
 
 
@@ -525,6 +528,33 @@ def test_the_camera_may_be_lost_for_a_quarter_of_a_second(missing, said):
 @pytest.mark.parametrize(("every", "said"), [(26, []), (13, ["camera_not_registered"])])
 def test_one_picture_in_twenty_may_be_missing_by_itself(every, said):
     assert codes_of(registered_as([None if i % every == 5 else moved_by(0.0) for i in range(520)])) == said
+
+
+@pytest.mark.parametrize(("shift_px", "said"), [(0, []), (0.5, []), (6, ["camera_not_registered"])])
+def test_a_floor_that_is_too_faint_to_be_registered_in_a_picture_is_not_lost_if_it_is_not_displaced(shift_px, said):
+    faint = np.clip(np.round(128 + 0.3 * (warped(FIRST, (shift_px, 0)) - 128.0)), 0, 255).astype(np.uint8)
+    camera = registered_as([None if i % 3 == 1 else moved_by(0.1) for i in range(120)], unregistered=faint)
+    assert codes_of(camera) == said
+    assert camera.estimate().motion[1:, 7] == pytest.approx(0.1, abs=0.02)
+
+
+def test_a_view_in_which_the_floor_is_seldom_found_is_not_followed():
+    camera = registered_as([None] * 5 + [moved_by(40.0)] + [None] * 5)
+    assert not camera.used.any()
+
+
+def test_what_was_tracked_through_a_moved_view_is_moved_back_where_that_turns_out_to_be_unknown():
+    """A floor that was found in the first pictures and hardly ever again."""
+    camera = registered_as([moved_by(4.0)] * 3 + [None] * 20)
+    found = camera.estimate()
+    assert [one.code for one in camera.findings(found)] == ["camera_not_watched"]
+    height = BODY.tracked_plane_height_m
+    pixel = project(CAMERA, FLOOR, np.array([[*POSE[:2], height]]))
+    tracked = to_plane(*camera.view, pixel, height)[0]
+    shift, _ = found.of_poses(BODY, np.tile([*tracked, POSE[2]], (24, 1)))
+    assert np.linalg.norm(tracked - POSE[:2]) > 0.02
+    assert np.abs(tracked + shift[10, :2] - POSE[:2]).max() < 2e-4
+    assert not shift[0].any()
 
 
 @pytest.mark.parametrize(("known", "watched"), [(7, True), (3, False)])
@@ -631,6 +661,7 @@ def test_a_floor_known_to_less_than_three_tenths_of_a_pixel_is_not_found(std_px,
     registration = FloorRegistration(CAMERA, FLOOR, FIRST, ())
     monkeypatch.setattr(registration, "std_px", lambda _: std_px)
     assert (registration.near(FIRST, np.zeros(9), []) is not None) == known
+    assert registration.hardly_moved(FIRST, []) is not None
 
 
 @pytest.mark.parametrize(("off_px", "converged"), [(0.007, True), (0.015, False)])

@@ -44,6 +44,7 @@ class CameraMotionConstants:
 CONSTANTS = CameraMotionConstants()
 
 _SIZE = len(VIEW_MOTION)
+_ROW = 2 * _SIZE + 2  # Numbers of a picture: its time, the motion found, the one used, and the deviation [px].
 _STEP = 1e-6  # Of each number of a motion, for derivatives.
 
 
@@ -53,9 +54,10 @@ class ViewMotion:
 
     ``time_s`` (n,); ``motion`` (n, 9) in the order of :data:`towval.model.conventions.VIEW_MOTION`, the estimate for
     each picture, and ``used`` (n, 9) what bodies were tracked through; ``known`` (n,) whether the picture was
-    registered; ``common`` (9, 9) the covariance that all pictures share, ``own`` (n, 9) and ``modes`` (9, 9): that of a
-    picture by itself is ``modes diag(own) modesᵀ``; ``scattered_px``: deviation of places of the floor against each
-    other, which no motion explains, where it counts.
+    registered, or shows too little of the floor for that, but none of it elsewhere; ``common`` (9, 9) the covariance
+    that all pictures share, ``own`` (n, 9) and ``modes`` (9, 9): that of a picture by itself is ``modes diag(own)
+    modesᵀ``; ``scattered_px``: deviation of places of the floor against each other, which no motion explains, where it
+    counts.
     """
 
     camera: Camera
@@ -138,20 +140,22 @@ class CameraMotion:
 
     def register(self, time_s: float, luma: Luma, poses: Sequence[Array]) -> tuple[Camera, Floor]:
         """The view of the next picture, in which the bodies are near ``poses`` (3,)."""
-        found = None
+        found, std_px = None, 0.0
         if not self.begun:
             self.begun = True
             self.numbers.extend((time_s, *np.zeros(2 * _SIZE), np.nan))
             return self.view
         if self.watched:
-            found = self.watch.register(luma, self.raw + self.at_first, self.hidden_discs(poses))
+            found, std_px = self._found(luma, self.raw + self.at_first, poses)
         if found is not None:
             self._count(found)
-            if self.watch.as_it_is.shift_px(self.raw - self.used) > CONSTANTS.followed_px:
+            # What is hardly ever found may be found in a wrong place.
+            watched = self.registered >= CONSTANTS.least_known * len(self.numbers) / _ROW
+            if watched and self.watch.as_it_is.shift_px(self.raw - self.used) > CONSTANTS.followed_px:
                 self.used = self.raw
                 self.view = moved_view(self.camera, self.floor, self.used)
         raw = np.full(_SIZE, np.nan) if found is None else self.raw
-        self.numbers.extend((time_s, *raw, *self.used, 0.0 if found is None else found.std_px))
+        self.numbers.extend((time_s, *raw, *self.used, std_px))
         if self.opening:
             self.opening.append((luma, poses))
             self.sure += found is not None and found.std_px < WATCHED.sure_px
@@ -162,6 +166,15 @@ class CameraMotion:
                 self.opening = []
         return self.view
 
+    def _found(self, luma: Luma, start: Array, poses: Sequence[Array]) -> tuple[Registered | None, float]:
+        """The view in a picture with its deviation [px]; where it is not found that is zero, or infinite if the floor
+        is too faint for it, but is not displaced."""
+        hidden = self.hidden_discs(poses)
+        found = self.watch.register(luma, start, hidden)
+        if found is not None:
+            return found, found.std_px
+        return None, 0.0 if self.watch.as_it_is.hardly_moved(luma, hidden) is None else np.inf
+
     def _average(self) -> None:
         """Watch the floor as the mean of the first pictures shows it, where one alone shows little beside its noise.
 
@@ -169,7 +182,7 @@ class CameraMotion:
         """
         if not self.watched:
             return
-        rows = np.frombuffer(self.numbers).reshape(-1, 2 * _SIZE + 2)
+        rows = np.frombuffer(self.numbers).reshape(-1, _ROW)
         total = np.zeros(self.opening[0][0].shape, dtype=np.float32)
         for luma, _ in self.opening:
             total += luma
@@ -179,21 +192,23 @@ class CameraMotion:
         if not watch.shows_texture:
             return
         start = np.zeros(_SIZE)
-        again = [watch.register(luma, start, self.hidden_discs(poses)) for luma, poses in self.opening]
-        found = [one for one in again if one is not None]
+        before, self.watch = self.watch, watch
+        again = [self._found(luma, start, poses) for luma, poses in self.opening]
+        found = [one for one, _ in again if one is not None]
         still = [watch.as_it_is.shift_px(one.motion) < np.sqrt(2) * CONSTANTS.significant * one.std_px for one in found]
         if len(found) < max(2, CONSTANTS.least_known * len(again)) or not all(still):
+            self.watch = before
             return
         # The mean shows a camera that creeps where it was halfway; a straight line leads back to the first picture.
         after_s = rows[:, 0] - rows[:, 0].mean()
-        known = np.array([one is not None for one in again])
+        known = np.array([one is not None for one, _ in again])
         slope = np.polyfit(after_s[known], [one.motion for one in found], 1)[0]
-        self.watch, self.registered, self.at_first = watch, 0, after_s[0] * slope
-        for row, one in zip(rows[1:], again[1:], strict=True):
-            row[1 : _SIZE + 1], row[-1] = np.nan, 0.0
+        self.registered, self.at_first = 0, after_s[0] * slope
+        for row, (one, std_px) in zip(rows[1:], again[1:], strict=True):
+            row[1 : _SIZE + 1], row[-1] = np.nan, std_px
             if one is not None:
                 self._count(one)
-                row[1 : _SIZE + 1], row[-1] = self.raw, one.std_px
+                row[1 : _SIZE + 1] = self.raw
 
     def _count(self, found: Registered) -> None:
         self.raw = found.motion - self.at_first
@@ -217,21 +232,24 @@ class CameraMotion:
 
     def estimate(self) -> ViewMotion:
         """The motion over all pictures, after the last."""
-        rows = np.array(self.numbers).reshape(-1, 2 * _SIZE + 2)
+        rows = np.array(self.numbers).reshape(-1, _ROW)
         time_s, raw, used, known = rows[:, 0], rows[:, 1 : _SIZE + 1], rows[:, _SIZE + 1 : -1], rows[:, -1] != 0
+        registered = np.isfinite(raw[:, 0])
         zero, flat = np.zeros_like(raw), np.zeros((_SIZE, _SIZE))
         everywhere = np.ones(len(rows), dtype=bool)
         if self.registered < max(1, CONSTANTS.least_known * (len(rows) - 1)):
-            return ViewMotion(self.camera, self.floor, time_s, zero, zero, everywhere, flat, zero, flat)
+            return ViewMotion(self.camera, self.floor, time_s, zero, used, everywhere, flat, zero, flat)
         modes: Array = np.asarray(np.linalg.cholesky(self.covariance), dtype=np.float64)
-        z: Array = np.asarray(np.linalg.solve(modes, np.where(known[:, None], raw, 0.0).T).T, dtype=np.float64)
+        z: Array = np.asarray(np.linalg.solve(modes, raw[registered].T).T, dtype=np.float64)
         # A picture is as uncertain as its own light and what hides its floor make it; the first is where all begins.
-        noise = rows[known, -1] / self.watch.as_it_is.std_px(self.covariance)
-        slow, common, fast, own = _separated(time_s[known], z[known], np.nan_to_num(noise, nan=1.0))
+        noise = rows[registered, -1] / self.watch.as_it_is.std_px(self.covariance)
+        slow, common, fast, own = _separated(time_s[registered], z, np.nan_to_num(noise, nan=1.0))
         seen = (slow + fast) @ modes.T
-        motion = np.stack([np.interp(time_s, time_s[known], column) for column in seen.T], axis=1)
-        own_all = zero.copy()
-        own_all[known] = own
+
+        def in_all(columns: Array) -> Array:
+            return np.stack([np.interp(time_s, time_s[registered], column) for column in columns.T], axis=1)
+
+        motion, own_all = in_all(seen), in_all(own)
         if max(map(self.watch.as_it_is.shift_px, motion)) < CONSTANTS.corrected_px:
             motion, own_all = zero, zero
         common = modes @ np.diag(common) @ modes.T

@@ -194,15 +194,25 @@ class FloorRegistration:
     def unmoved(self, luma: Luma) -> Registered | None:
         """That the view did not move, where a pixel or two explain a picture; None where it takes more.
 
-        A floor too faint to settle a large motion may exclude one: noise in the slopes carries the fit along what the
-        floor hardly shows, so that it does not end. What is found then is no more than a deviation.
+        What is found then is no more than a deviation.
         """
-        before, found = self.learned, self.near(luma, np.zeros(len(self.prior)), [], CONSTANTS.small)
-        if found is None or np.abs(found.motion / self.prior).max() > CONSTANTS.small:
-            self.learned = before
+        found = self.hardly_moved(luma, [])
+        if found is None:
             return None
         covariance = found.covariance + np.outer(found.motion, found.motion)
         return Registered(np.zeros(len(self.prior)), covariance, self.std_px(covariance))
+
+    def hardly_moved(self, luma: Luma, hidden: Hidden) -> Registered | None:
+        """As :meth:`register`, where the view is expected within a pixel or two; None where it is not found there.
+
+        A floor too faint to settle a large motion may exclude one: noise in the slopes carries the fit along what the
+        floor hardly shows, so that it does not end, or ends no closer than is allowed.
+        """
+        before, found = self.learned, self.near(luma, np.zeros(len(self.prior)), hidden, CONSTANTS.small)
+        if found is None or np.abs(found.motion / self.prior).max() > CONSTANTS.small:
+            self.learned = before
+            return None
+        return found
 
     def _places_alike(self, luma: Luma) -> list[Array]:
         """Motions (9,) to which all blocks together fit about as well, where there are several."""
@@ -222,7 +232,7 @@ class FloorRegistration:
     def near(self, luma: Luma, start: Array, hidden: Hidden, small: float = 1.0) -> Registered | None:
         """As :meth:`register`, from ``start`` (9,) as far as the slopes of the texture reach.
 
-        The motion is expected to be ``small`` times as large as usual.
+        The motion is expected to be ``small`` times as large as usual; below one its deviation has no limit.
         """
         template, learned, c = self.template, self.learned, CONSTANTS
         assert template is not None
@@ -256,7 +266,8 @@ class FloorRegistration:
         whitened = np.linalg.inv(information / variance + np.eye(len(self.prior)))
         covariance: Array = np.asarray(whitened * np.outer(self.prior, self.prior), dtype=np.float64)
         std_px = self.std_px(covariance)
-        return None if std_px > self.worst_std_px else Registered(motion, covariance, std_px)
+        too_faint = std_px > self.worst_std_px and small == 1
+        return None if too_faint else Registered(motion, covariance, std_px)
 
     def _variance_factor(self, information: Array, weight: Array, residual: Array, scale: float) -> float:
         """Variance of the scores of clusters over that of independent residuals of this scale."""
