@@ -205,6 +205,20 @@ def test_a_top_that_grows_for_a_while_as_a_whole_was_lifted(along, across, looks
     assert lift_findings(target, time_s[:3], pose[:3], size_m[:3]) == ()
 
 
+@pytest.mark.parametrize(("scatter", "found"), [(0.0005, True), (0.005, False)])
+def test_a_top_whose_size_scatters_by_more_than_it_grew_was_not_lifted(scatter, found):
+    """Edges of a top as grey as the floor were half a per cent off from look to look: a right run was not judged."""
+    scene = standard_scene(**small_camera())
+    body = scene.bodies[1]
+    time_s, pose = np.arange(200) / 25, np.tile(scene.motions[1](0.0), (200, 1))
+    grown = scatter * np.random.default_rng(1).normal(size=(200, 2))
+    grown[50:60] += 0.0065 + (np.arange(10)[:, None] % 2 - 0.5) * scatter
+    told = lift_findings(
+        PlanarTarget(body, scene.camera, scene.floor), time_s, pose, grown * np.ptp(body.top_corners_m, axis=0)
+    )
+    assert [one.code for one in told] == ["top_lifted"] * found
+
+
 @pytest.mark.parametrize(("later", "found"), [(0, True), (2, False), (3, False)])
 def test_sides_that_hop_to_other_edges_in_one_half_second_are_no_lift(later, found):
     """In other pictures each: length and width of a rover in a 10 bit video did, and a right run was not judged."""

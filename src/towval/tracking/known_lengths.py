@@ -11,6 +11,7 @@ from towval.model.geometry import transform
 from towval.optics.plane_uncertainty import position_sensitivity
 from towval.tracking.outline import CONSTANTS as OUTLINE
 from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.pose import STD_OF_MEDIAN
 from towval.tracking.start import CONSTANTS as START
 
 
@@ -111,6 +112,10 @@ def lift_findings(target: PlanarTarget, time_s: Array, pose: Array, size_m: Arra
     windows = np.lib.stride_tricks.sliding_window_view(np.column_stack([grown, both]), _LOOKS, axis=0)
     along, across, together = np.median(windows, axis=-1).T
     alike = np.minimum(np.minimum(np.abs(along), np.abs(across)) - np.abs(along - across), np.abs(together))
+    # Of a top that hardly stands out sizes scatter from look to look by more than that.
+    scatter = STD_OF_MEDIAN / np.sqrt(2) * np.median(np.abs(np.diff(windows[:, :2], axis=-1)), axis=-1)
+    std = np.sqrt(np.pi / 2 / _LOOKS) * np.linalg.norm(scatter, axis=1)
+    alike = np.where(alike > START.scales_apart * std, alike, 0.0)
     worst = int(np.argmax(alike))
     if alike[worst] <= CONSTANTS.wrong:
         return ()
