@@ -147,6 +147,7 @@ def test_a_noisy_floor_is_recognised_in_the_mean_of_the_first_pictures(wider, sa
     video = SimpleNamespace(mean_of_first=lambda count: np.rint(np.mean(pictures[:count], axis=0)).astype(np.uint8))
     _, alone = calibration_at_start(calibration, pictures[0], floors)
     assert [one.code for one in alone] == ["floor_not_recognised"]
+    assert "compression took the floor's grain" in alone[0].text
     _, found = calibrated_at_start(calibration, video, pictures[0], floors)
     assert [one.code for one in found if one.code != "camera_moved_before"] == said
 

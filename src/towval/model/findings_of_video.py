@@ -79,8 +79,9 @@ register(  # track
     FindingType(
         "floor_not_recognised", "track", WARNING, NOT_JUDGED,
         "The floor of the video's first picture is found in {found} of {pictures} pictures of the floor: camera or "
-        "zoom changed since the calibration, or the floor did. Poses may be off by any amount; photograph the floor "
-        "board again with the camera as it films.",
+        "zoom changed since the calibration, or the floor did, or compression took the floor's grain from the video. "
+        "Poses may be off by any amount; film at a higher bit rate, or photograph the floor board again with the "
+        "camera as it films.",
     ),
     FindingType(
         "floor_too_plain", "track", WARNING, NONE,
@@ -103,8 +104,8 @@ register(  # track
     FindingType(
         "camera_not_registered", "track", WARNING, NOT_JUDGED,
         "In {percent:.1f} % of the pictures the floor could not be found again (longest time {gap_s:.2f} s, from "
-        "{time_s:.2f} s on): the camera moved too far, or the floor was hidden. Poses there are not known; fix the "
-        "camera and film again.",
+        "{time_s:.2f} s on): the camera moved too far, or the floor was hidden, or compression changed what a faint "
+        "floor looks like. Poses there are not known; fix the camera, and film again at a higher bit rate.",
     ),
     FindingType(
         "camera_not_watched", "track", NOTE, NONE,
