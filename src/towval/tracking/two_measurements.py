@@ -225,27 +225,26 @@ def texture_excess(time_s: Array, apart: Array, expected: Array, looks: Looks) -
 
 
 def outline_excess(time_s: Array, pose: Array, apart: Array, expected: Array, of_outline: Array, looks: Looks) -> Array:
-    """The same (n, 3, 3) for the outline, of what it disagrees by from picture to picture.
+    """Covariance (n, 3, 3) in the body frame by which the outline's exceeds what is stated, around each time (n,).
 
     An outline that hops between two edges is rough where the texture, on the same motion, is smooth: then it is the
-    one that is off. ``of_outline`` (m, 3, 3) is its share of ``expected``.
+    one that is off, by what the two disagree by from picture to picture. ``of_outline`` (m, 3, 3) is its share of
+    ``expected``; the rest is as in :func:`texture_excess`.
     """
     at, bounded = looks.picture, replace(looks, correction=_bounded(apart, expected))
     by_texture, by_outline, gain = jumps(time_s, pose, bounded)
     known = np.isfinite(gain[at])
     if known.sum() < CONSTANTS.least:
         return np.zeros((len(time_s), 3, 3))
-    squares = of_outline.copy()
-    rows = at[known]
-    apart_by = (by_outline - by_texture)[rows] / np.sqrt(gain[rows])[:, None]
-    squares[known] = turned_covariance(apart_by[:, :, None] * apart_by[:, None, :], -pose[rows, 2])
-    around = _around(time_s, time_s[at])
-    texture, outline = (
-        _means(np.where(known, np.sum(each[at, :2] ** 2, axis=1), 0.0)[:, None, None] * np.eye(3), *around)[:, :1, :1]
-        for each in (by_texture, by_outline)
-    )
-    excess = beyond(_means(squares, *around), _means(of_outline, *around), CONSTANTS.smoother)
-    return np.where(outline > CONSTANTS.smoother * texture, excess, 0.0)
+    rows, squares = at[known], of_outline.copy()
+    hop = (by_outline - by_texture)[rows] / np.sqrt(gain[rows])[:, None]
+    squares[known] = turned_covariance(hop[:, :, None] * hop[:, None, :], -pose[rows, 2])
+    low, high = _around(time_s, time_s[at])
+    excess = beyond(_means(squares, low, high), _means(of_outline, low, high), CONSTANTS.smoother)
+    rough = np.column_stack([np.sum(np.nan_to_num(each[at, :2]) ** 2, axis=1) for each in (by_texture, by_outline)])
+    total = np.concatenate([np.zeros((1, 2)), np.cumsum(rough, axis=0)])
+    of_texture, of_edges = (total[high] - total[low]).T
+    return np.where((of_edges > CONSTANTS.smoother * of_texture)[:, None, None], excess, 0.0)
 
 
 def _around(time_s: Array, at_s: Array) -> tuple[Array, Array]:
