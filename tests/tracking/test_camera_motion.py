@@ -540,6 +540,13 @@ def test_a_floor_that_is_too_faint_to_be_registered_in_a_picture_is_not_lost_if_
     assert camera.estimate().motion[1:, 7] == pytest.approx(0.1, abs=0.02)
 
 
+def test_a_faint_floor_that_is_not_displaced_is_not_known_beside_pictures_of_a_moved_camera():
+    """Its motion is interpolated, which is 12 px off in the last picture before a knock."""
+    faint = np.clip(np.round(128 + 0.3 * (FIRST - 128.0)), 0, 255).astype(np.uint8)
+    found = registered_as([moved_by(0.0)] * 20 + [None] + [moved_by(25.0)] * 20, unregistered=faint).estimate()
+    assert np.flatnonzero(~found.known).tolist() == [21]
+
+
 def test_a_view_in_which_the_floor_is_seldom_found_is_not_followed():
     camera = registered_as([None] * 5 + [moved_by(40.0)] + [None] * 5)
     assert not camera.used.any()

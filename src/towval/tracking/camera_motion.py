@@ -13,6 +13,7 @@ from towval.model.conventions import PICTURE_MOTION, VIEW_MOTION
 from towval.model.findings import finding
 from towval.model.geometry import transform
 from towval.optics.moved_view import moved_view, parameters_by_motion, picture_motion, pose_sensitivity
+from towval.tracking.floor_registration import CONSTANTS as REGISTRATION
 from towval.tracking.floor_registration import Hidden, Registered
 from towval.tracking.pose import STD_OF_MEDIAN
 from towval.tracking.template import Luma
@@ -250,6 +251,8 @@ class CameraMotion:
             return np.stack([np.interp(time_s, time_s[registered], column) for column in columns.T], axis=1)
 
         motion, own_all = in_all(seen), in_all(own)
+        # A floor too faint to be registered is near where it was first: what lies between larger motions is not known.
+        known &= registered | (np.abs(motion / self.watch.as_it_is.prior).max(axis=1) <= REGISTRATION.small)
         if max(map(self.watch.as_it_is.shift_px, motion)) < CONSTANTS.corrected_px:
             motion, own_all = zero, zero
         common = modes @ np.diag(common) @ modes.T
