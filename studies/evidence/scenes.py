@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from studies.end_to_end import PipelineResult
 from studies.evidence.compute import shared_folder
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import replaced, result_of
+from studies.evidence.planting import Planting, both, replaced, result_of
 from studies.tables import five_scenes
 from studies.tables.five_scenes import Scene
+from towval.selection import draws, sample_points, simulation
+from towval.validation import sampler
 
 
 def _scenes() -> Values:
@@ -33,20 +33,20 @@ def _of_scene(scene: Scene) -> dict[str, float | str]:
     return {f"{scene.name}, {what}": value for what, value in found.items()}
 
 
-def _misread(result: PipelineResult) -> PipelineResult:
-    """What was taken next read as chosen, with twice the effect; u_D twice as large."""
-    swapped = [replace(c, chosen=c.next, next=c.chosen, change_m=2 * c.change_m) for c in result.choices]
-    compared = replace(result.comparison, u_measurement_m=2 * result.comparison.u_measurement_m)
-    return replace(result, choices=tuple(swapped), comparison=compared)
+def _shares(factor: float) -> Planting:
+    """What a choice may move positions by, over the measurement's deviation, counts so many times."""
+    rules = (simulation, draws, sample_points)
+    return both(*(replaced(rule, "SHARE", lambda share: factor * share) for rule in rules))
 
 
 SCENES = Check(
     _scenes,
     {
         "preset draft in place of auto": replaced(five_scenes, "AUTO", lambda _: "draft"),
-        "what would have been taken next is read as chosen, with twice the effect, and u_D as twice as large": replaced(
-            five_scenes.Pipeline, "run", result_of(_misread)
+        "a choice may move positions by a hundredth of what it may, inputs are twice as uncertain": both(
+            _shares(0.01), replaced(sampler, "_root", result_of(lambda root: 2 * root))
         ),
+        "a choice may move positions by 300 times what it may": _shares(300.0),
     },
     needs=("footage/lab_a", "footage/lab_c"),
 )
