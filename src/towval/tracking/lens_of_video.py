@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from scipy.optimize import least_squares
 
 from towval.model import CALIBRATION_PARAMETERS, Array, Camera, Floor
 from towval.model.geometry import lifted
@@ -144,6 +143,9 @@ def _step(seen: FloorRegistration, pictures: Sequence[Luma]) -> OtherLens | None
     if often.sum() < size:
         return None
     shown, found = seen.pixels(seen.block_places[often], still), np.nanmedian(places[:, often], axis=0)
+    # Not at start-up: few videos have another lens than the pictures, and each process would wait for it.
+    from scipy.optimize import least_squares  # noqa: PLC0415
+
     camera, floor = seen.camera, seen.floor
     corner = float(np.sum((np.array(camera.resolution_px) / 2 / camera.matrix[[0, 1], [0, 1]]) ** 2))
     units = np.append(seen.prior, 0.01 / np.array([corner, corner**2, 1.0]))
