@@ -76,7 +76,7 @@ SCENES = Check(
         "a choice may move positions by a hundredth of what it may, inputs are twice as uncertain": both(
             _shares(0.01), replaced(sampler, "_root", result_of(lambda root: 2 * root))
         ),
-        "a choice may move positions by 300 times what it may": _shares(300.0),
+        "a choice may move positions by 1000 times what it may": _shares(1000.0),
         "lenses are k1 k2 p1 p2, a tow on the floor is taken to be 0.1 m above it and one above it to be on a level "
         "floor, and poses scatter by another 0.3 mm": both(
             replaced(five_scenes, "PRESETS", _of_a_tangential_lens),
