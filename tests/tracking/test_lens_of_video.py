@@ -119,6 +119,18 @@ def test_too_few_blocks_tell_of_no_lens():
     assert module._step(seen, EVEN) is None
 
 
+@pytest.mark.parametrize("seed", [9, 19, 23])
+def test_blocks_found_at_wrong_places_tell_of_no_lens(seed):
+    """Of a floor that a codec replaced; fits to such blocks end at lenses that fold the picture."""
+    seen = FloorRegistration(CAMERA, FLOOR, evened(floor_picture(seed=7)), (), worst_std_px=np.inf)
+    rng, shown = np.random.default_rng(seed), seen.pixels(seen.block_places, np.zeros(len(seen.prior)))
+    found = rng.choice(len(shown), rng.integers(12, 40), replace=False)
+    places = np.full_like(shown, np.nan)
+    places[found] = shown[found] + rng.normal(0, 30, (len(found), 2))
+    seen.blocks_in = lambda *_: places
+    assert module._step(seen, EVEN[:1]) is None
+
+
 def test_a_picture_is_shown_as_by_the_lens_of_the_others():
     luma = bent(FIRST, 2.0)
     found = looked_at(luma)

@@ -33,6 +33,8 @@ class LensOfVideoConstants:
 CONSTANTS = LensOfVideoConstants()
 
 _COEFFICIENTS = [CALIBRATION_PARAMETERS.index(name) for name in ("k1", "k2")]
+_MOST_UNEVEN = 1e12  # Ratio of the best to the worst known unknown: lenses have up to 1e8; beyond 1e16 is rounding.
+_NOWHERE = 1e4  # Deviations: more than any picture is wide.
 _GRID_PX = 16  # Lenses change slowly: between these pixels places are interpolated.
 
 
@@ -155,13 +157,18 @@ def _step(seen: FloorRegistration, pictures: Sequence[Luma]) -> OtherLens | None
         on_floor = to_plane(_with_lens(camera, lens), floor, shown, 0.0)
         pixels = project(*moved_view(camera, floor, motion), lifted(on_floor, 0.0))
         pixels[:, 0] -= stretch * (pixels[:, 0] - camera.matrix[0, 2])
-        return np.append((pixels - found).ravel() / CONSTANTS.place_px, z[: len(still)])
+        off = (pixels - found) / CONSTANTS.place_px
+        # A lens that folds the picture shows some places nowhere, and the fit must not end there.
+        return np.append(np.where(np.isfinite(off), off, _NOWHERE).ravel(), z[: len(still)])
 
     # Bodies and boards hide some; but from far off a loss that leaves blocks out might keep the wrong ones.
     near = least_squares(misfit, np.zeros(size), loss="soft_l1")
     fit = least_squares(misfit, near.x, loss="cauchy")
+    information = fit.jac.T @ fit.jac
+    if np.max(np.abs(fit.fun)) >= _NOWHERE or np.linalg.cond(information) > _MOST_UNEVEN:
+        return None
     scale = max(1.0, float(np.median(np.abs(fit.fun[: -len(still)]))) / MEDIAN_NORMAL)
-    covariance = scale**2 * np.linalg.inv(fit.jac.T @ fit.jac) * np.outer(units, units)
+    covariance = scale**2 * np.linalg.inv(information) * np.outer(units, units)
     values, lens = fit.x * units, slice(len(still), size - 1)
     by_lens = covariance[: len(still), lens] @ np.linalg.inv(covariance[lens, lens])
     return OtherLens(camera, values[lens], covariance[lens, lens], values[: len(still)], by_lens)
