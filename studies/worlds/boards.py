@@ -53,17 +53,18 @@ class BoardFaults:
 
     ``size`` of the board over the stated one; ``bow_m`` between its middle and its shorter sides, a circular arc of the
     sheet's own length; ``thicker_m`` than stated; ``zoom`` of the held pictures over that of the others, about the
-    picture's middle.
+    picture's middle; ``stretch`` of the print along its longer side.
     """
 
     size: float = 1.0
     bow_m: float = 0.0
     thicker_m: float = 0.0
     zoom: float = 1.0
+    stretch: float = 0.0
 
     def surface(self, corners: Array) -> Array:
         """Where corners (n, 2) of a flat board of the stated size are on the real one (n, 3) [m]."""
-        corners = self.size * corners
+        corners = self.size * corners * [1 + self.stretch, 1.0]
         if not self.bow_m:
             return lifted(corners, 0.0)
         half = float(corners[:, 0].max())

@@ -83,7 +83,7 @@ def test_another_zoom_and_crop_is_corrected_and_named(scene, every):
     assert held(scene)[0] in named.text
     assert (held(scene)[1] in named.text) == (every == 1)
     # What is known is not doubted any more; the board's own doubts are left.
-    assert (found.doubts_std > 0).tolist() == [True] * 5 + [False] * 3
+    assert (found.doubts_std > 0).tolist() == [True] * 7 + [False] * 3
 
 
 def test_another_zoom_of_pictures_of_the_floor_is_corrected_and_named(scene):

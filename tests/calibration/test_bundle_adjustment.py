@@ -24,7 +24,7 @@ def exact(seed: int, **keys):
 
 
 def linearise(block, shared, place, doubts):
-    """Residuals (2n,) of a block and their derivatives by shared parameters and doubts (2n, 26), and by its place."""
+    """Residuals (2n,) of a block and their derivatives by shared parameters and doubts (2n, 28), and by its place."""
     one = Stack([block]).linearise(Estimate(shared, (place,), doubts=doubts))
     r, A, B = (each[0].reshape(2 * len(block.pixels), -1) for each in one)
     return r.ravel(), A, B[:, : len(place)]
@@ -46,20 +46,20 @@ def test_derivatives_are_those_of_the_projection(placement):
     place = {6: np.array([3.0, 0.2, -0.1, 0.1, 0.2, 1.5]), 3: np.array([0.4, -0.3, 0.7]), 0: np.zeros(0)}[
         placement.value
     ]
-    doubts = np.array([0.01, 2e-3, -3e-3, 1e-3, 5e-4, 0.02, 3.0, -2.0])
+    doubts = np.array([0.01, 2e-3, -3e-3, 1e-3, 5e-4, 0.01, -0.02, 0.02, 3.0, -2.0])
     on_board = rng.uniform(-1, 1, (5, 2))
     block = Block(rng.uniform(-0.3, 0.3, (5, 3)), rng.uniform(0, 1000, (5, 2)), placement, on_board=on_board)
     _, J_shared, J_place = linearise(block, shared, place, doubts)
     step = 1e-6
 
     def change(k: int, is_shared: bool) -> np.ndarray:
-        by = [np.zeros(26), np.zeros(len(place))]
+        by = [np.zeros(28), np.zeros(len(place))]
         by[0 if is_shared else 1][k] = step
         ahead = linearise(block, shared + by[0][:18], place + by[1], doubts + by[0][18:])[0]
         behind = linearise(block, shared - by[0][:18], place - by[1], doubts - by[0][18:])[0]
         return (behind - ahead) / (2 * step)
 
-    for k in range(26):
+    for k in range(28):
         np.testing.assert_allclose(J_shared[:, k], change(k, True), rtol=1e-5, atol=1e-3)
     for k in range(len(place)):
         np.testing.assert_allclose(J_place[:, k], change(k, False), rtol=1e-5, atol=1e-3)
@@ -76,7 +76,7 @@ def test_each_block_is_fitted_as_it_is_alone_however_many_points_the_others_have
         for b, k in zip(scene.seen.blocks, kept, strict=True)
     ]
     assert len({len(block.pixels) for block in blocks}) > 2
-    doubts = np.array([0.01, 2e-3, -3e-3, 1e-3, 5e-4, 0.02, 3.0, -2.0])
+    doubts = np.array([0.01, 2e-3, -3e-3, 1e-3, 5e-4, 0.01, -0.02, 0.02, 3.0, -2.0])
     stack, together = Stack(blocks), Stack(blocks).linearise(replace(start, doubts=doubts))
     medians = stack.medians(stack.lengths(together.residual))
     for i, (block, place) in enumerate(zip(blocks, start.places, strict=True)):

@@ -61,13 +61,38 @@ def test_fits_to_boards_that_hardly_tell_the_focal_length_end_in_one_place():
 @pytest.mark.parametrize("bow_m", [0.001, -0.002])
 def test_a_bent_board_is_corrected(bow_m):
     scene = film(8100, BoardFaults(bow_m=bow_m))
-    stiff = replace(scene, seen=replace(scene.seen, doubts_std=np.zeros(8)))
+    stiff = replace(scene, seen=replace(scene.seen, doubts_std=np.zeros(len(DOUBTS))))
     corrected, believed = calibrated(scene), calibrated(stiff)
     assert position_error_mm(corrected, scene, 0.35) < 1.0
     assert position_error_mm(believed, scene, 0.35) > 2.0
     assert codes(corrected) == ["board-bent"]
     assert corrected.quality["board_bow_mm"] == pytest.approx(abs(1e3 * bow_m), abs=0.3)
     assert f"{abs(1e3 * bow_m):.1f} ±" in corrected.findings[0].text
+
+
+@pytest.mark.parametrize(("stretch", "floor"), [(0.003, "both"), (-0.01, "both"), (0.006, "boards")])
+def test_a_print_that_is_stretched_along_one_side_is_corrected(stretch, floor):
+    """A printer's feed: positions were off by as much as the squares, and nothing said why."""
+    scene = film(8105, BoardFaults(stretch=stretch), floor)
+    believed = np.where(np.isin(DOUBTS, ["stretch", "skew"]), 0.0, scene.seen.doubts_std)
+    corrected = calibrated(scene)
+    named = next(finding for finding in corrected.findings if finding.code == "board-stretched")
+    assert f"{100 * stretch:+.2f} ±" in named.text or f"{100 * stretch:+.1f}" in named.text
+    before, after = (
+        position_error_mm(each, scene, 0.0)
+        for each in (calibrated(replace(scene, seen=replace(scene.seen, doubts_std=believed))), corrected)
+    )
+    assert after < 0.75 * before
+    # Of the size nothing but marks tells; without any it is as uncertain as the sides differ.
+    assert after < (1.0 if floor == "both" else 2 * uncertainty_map(corrected, 0.0).rms_m * 1e3)
+
+
+def test_a_size_known_exactly_stays_known_beside_a_stretch():
+    scene = film(8105, BoardFaults(stretch=0.006))
+    exact = replace(scene.seen, doubts_std=np.where(np.isin(DOUBTS, ["size"]), 0.0, scene.seen.doubts_std))
+    calibration = calibrated(replace(scene, seen=exact))
+    assert codes(calibration) == ["board-stretched"]
+    assert calibration.quality["board_size_percent"] == 0.0
 
 
 @pytest.mark.parametrize("floor", ["marks", "boards", "both"])
@@ -185,7 +210,7 @@ def test_one_of_ten_thousand_sound_boards_is_taken_for_one_of_another_size(monke
     """A normal deviate is beyond 3.9 deviations once in ten thousand; here those of the fit and of the statement."""
     fit = fitted(BOARD_DOUBTS, 0.0006, size=0.001 * deviations)
     monkeypatch.setattr(doubts, "_fit", lambda *_: fit)
-    stated = np.array([0.0008, *[0.001] * 4, 0.0, 0.0, 0.0])
+    stated = np.array([0.0008, *[0.001] * 4, *[0.0] * 5])
     seen = SimpleNamespace(doubts_std=stated, reference=None, boards=())
     trial = SimpleNamespace(estimate=fit.estimate)
     assert doubts._contradiction(seen, trial, "k1", BOARD_DOUBTS[:1])[0] == contradicted

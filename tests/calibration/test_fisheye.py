@@ -132,7 +132,7 @@ def test_errors_on_a_plane_are_as_stated():
     normalised = []
     for seed in range(100, 124):
         there = fisheye_lab(seed, 560.0)
-        views = replace(there.views(), doubts_std=np.zeros(8))  # Of boards as stated.
+        views = replace(there.views(), doubts_std=np.zeros(10))  # Of boards as stated.
         found = calibrate_observations(views, CalibrateSettings(lens_models=("fisheye k1",), folds=2), {})
         pixels = np.array([[300.0, 250.0], [980.0, 250.0], [640.0, 480.0], [300.0, 700.0], [980.0, 700.0]])
         truth = Camera(SIZE, there.matrix, np.zeros(8), "fisheye")

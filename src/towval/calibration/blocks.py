@@ -17,16 +17,20 @@ from towval.model import CALIBRATION_PARAMETERS, Array
 from towval.model.camera import lens_array
 from towval.optics.projection import project_with_derivatives
 
-DOUBTS = ("size", "bow_x", "bow_y", "bow_xy", "thickness", "held_zoom", "held_u", "held_v")
+DOUBTS = ("size", "bow_x", "bow_y", "bow_xy", "thickness", "stretch", "skew", "held_zoom", "held_u", "held_v")
 """Parameters that are taken as known unless they are fitted as well, each with its stated deviation.
 
 The board's size over the stated one, less 1; the rise of its surface between middle and ends [m], along its longer
-side, across, and twisted; its thickness less the stated one [m]; the magnification of the held pictures over that of
-the others, less 1, and their shift [px]."""
+side, across, and twisted; its thickness less the stated one [m]; how much longer its squares are along its longer side
+than across, over their size, and by how much less than a right angle their sides enclose [rad]; the magnification of
+the held pictures over that of the others, less 1, and their shift [px]."""
 
 LENS_START, FLOOR_START, CAMERA_END = 4, 12, len(CALIBRATION_PARAMETERS)
-BOARD_DOUBTS, HELD_DOUBTS = np.arange(CAMERA_END, CAMERA_END + 5), np.arange(CAMERA_END + 5, CAMERA_END + 8)
-"""Where they are among the parameters, after those of the camera."""
+BOARD_DOUBTS, PRINT_DOUBTS, HELD_DOUBTS = (CAMERA_END + np.arange(*ends) for ends in ((0, 5), (5, 7), (7, 10)))
+"""Where they are among the parameters, after those of the camera: what is stated of the board, the shape of its
+squares, and the held pictures."""
+
+_OF_BOARD = len(BOARD_DOUBTS) + len(PRINT_DOUBTS)
 
 _MOST_UNKNOWNS = 6
 """Of a place."""
@@ -59,22 +63,35 @@ class Block:
 
     @property
     def by_board(self) -> Array:
-        """Derivatives (n, 3, 5) of the points by the board's :data:`DOUBTS`."""
-        derivative = np.zeros((len(self.points_m), 3, len(BOARD_DOUBTS)))
+        """Derivatives (n, 3, 7) of the points by the board's :data:`DOUBTS`."""
+        derivative = np.zeros((len(self.points_m), 3, _OF_BOARD))
         if self.on_board is not None:
             x, y = self.on_board.T
             shapes = np.stack([x * x, y * y, x * y], axis=1)
             derivative[:, :2, 0] = self.points_m[:, :2]
             derivative[:, 2, 1:4] = shapes - shapes.mean(axis=0)
             derivative[:, 2, 4] = self.placement is not Placement.FREE
+            derivative[:, :2, 5:] = self._by_print()
         return derivative
+
+    def _by_print(self) -> Array:
+        """Derivatives (n, 2, 2) of the points by the shape of the squares. The origin and the x axis stay."""
+        points = self.points_m[:, :2]
+        # The frame of the points may be turned against the board, as that of the floor's first board is.
+        apart, on_board = points - points.mean(axis=0), np.asarray(self.on_board)
+        axes = np.linalg.lstsq(on_board - on_board.mean(axis=0), apart, rcond=None)[0].T
+        moved = []
+        for shape in (np.diag([0.5, -0.5]), np.array([[0.0, 0.5], [0.5, 0.0]])):
+            M = axes @ shape @ np.linalg.inv(axes)
+            moved.append(points @ (M - M[1, 0] * np.array([[0.0, -1.0], [1.0, 0.0]])).T)
+        return np.stack(moved, axis=2)
 
 
 @dataclass(frozen=True)
 class Estimate:
     """Shared parameters (18,), the place of each block, and the noise of a corner coordinate [px].
 
-    ``doubts`` (8,) are the values of :data:`DOUBTS`, ``doubts_std`` (8,) their deviations stated before. Of a
+    ``doubts`` (10,) are the values of :data:`DOUBTS`, ``doubts_std`` (10,) their deviations stated before. Of a
     ``fisheye`` the coefficients of the lens act on the angle of a ray.
     """
 
@@ -135,7 +152,7 @@ class _Projection(NamedTuple):
 class Linear(NamedTuple):
     """Residuals (V, n, 2) of V blocks, observed minus predicted [px], and the derivatives of the prediction.
 
-    ``by_shared`` (V, n, 2, 26): by the shared parameters and the doubts. ``by_place`` (V, n, 2, 6): by the place, zero
+    ``by_shared`` (V, n, 2, 28): by the shared parameters and the doubts. ``by_place`` (V, n, 2, 6): by the place, zero
     beyond its unknowns. Points that pad a block to n are in them, too.
     """
 
@@ -196,7 +213,7 @@ class Stack:
         by_shared[~free, ..., FLOOR_START:CAMERA_END] = by_pose[~free]
         if doubted:
             by_turned = np.einsum("vnij,vjk->vnik", by_point, seen.turn)
-            by_shared[..., BOARD_DOUBTS] = np.einsum("vnij,vnjk->vnik", by_turned, self._by_board)
+            by_shared[..., CAMERA_END : HELD_DOUBTS[0]] = np.einsum("vnij,vnjk->vnik", by_turned, self._by_board)
             zoomed = seen.derivatives[free, ..., 6:8] @ estimate.shared[:2] / (1 + estimate.doubts[-3])
             by_shared[free, ..., HELD_DOUBTS[0]] = zoomed
             by_shared[free, ..., HELD_DOUBTS[1] :] = np.eye(2)
@@ -216,7 +233,7 @@ class Stack:
 
     def _projected(self, estimate: Estimate) -> _Projection:
         places, shared, doubts, free = self._padded(estimate), estimate.shared, estimate.doubts, self._free
-        points = self._points + self._by_board @ doubts[: len(BOARD_DOUBTS)] if doubts.any() else self._points
+        points = self._points + self._by_board @ doubts[:_OF_BOARD] if doubts.any() else self._points
         poses = np.where(free[:, None], places, shared[FLOOR_START:CAMERA_END])
         rotation, by_vector = _rotations(poses[:, :3], free)
         turn, origin = _turns(np.where(self._lying, places[:, 2], 0.0)), np.zeros((len(places), 3))

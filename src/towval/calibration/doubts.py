@@ -1,4 +1,4 @@
-"""Stated values that may be wrong: size, bow and thickness of the board, zoom and crop of the held pictures.
+"""Stated values that may be wrong: size, shape and thickness of the board, zoom and crop of the held pictures.
 
 The board's doubts are fitted beside the camera, with their stated deviations, which thereby enter its covariance. What
 the views contradict is fitted without prejudice and reported.
@@ -6,12 +6,13 @@ the views contradict is fitted without prejudice and reported.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from towval.calibration.blocks import BOARD_DOUBTS, CAMERA_END, DOUBTS, HELD_DOUBTS, Estimate
+from towval.calibration.blocks import BOARD_DOUBTS, CAMERA_END, DOUBTS, HELD_DOUBTS, PRINT_DOUBTS, Estimate
 from towval.calibration.bundle_adjustment import adjust, whitened
 from towval.calibration.lens import LensTrial, active_parameters, choose_lens, try_lenses
 from towval.calibration.observations import CalibrationObservations
@@ -22,6 +23,7 @@ from towval.model.findings import finding
 Doubts = NDArray[np.intp]
 """Some of :data:`towval.calibration.blocks.DOUBTS`, as indices of parameters."""
 
+_NONE: Doubts = np.zeros(0, dtype=np.intp)
 _SIZE, _THICKNESS = CAMERA_END + DOUBTS.index("size"), CAMERA_END + DOUBTS.index("thickness")
 
 
@@ -32,15 +34,15 @@ class DoubtConstants:
     sound: float = 0.9999  # Share of sound sets that stay below what is taken for other than stated.
     noticeable_bow_m: float = 0.0003  # [m] Below it a bow is corrected without a word: 0.2 mm on the floor.
     named: float = 3.0  # Deviations of a bow that is reported; within which a principal point is a mirrored one.
-    loose_std: tuple[float, ...] = (0.05, 0.01, 0.01, 0.01, 0.01, 0.1, 200.0, 200.0)
-    # [1, m, m, m, m, 1, px, px] Of each doubt where only the pictures are to tell: far beyond what occurs.
+    loose_std: tuple[float, ...] = (0.05, 0.01, 0.01, 0.01, 0.01, 0.05, 0.05, 0.1, 200.0, 200.0)
+    # [1, m, m, m, m, 1, rad, 1, px, px] Of each doubt where only the pictures are to tell: far beyond what occurs.
 
 
 CONSTANTS = DoubtConstants()
 
 
 def doubts_std(board: Board, floor: FloorReference) -> Array:
-    """Stated deviations (8,) of :data:`towval.calibration.blocks.DOUBTS`."""
+    """Stated deviations (10,) of :data:`towval.calibration.blocks.DOUBTS`."""
     bow = board.bow_std_m
     return np.array([board.size_std, bow, bow, bow, floor.board_thickness_std_m, *CONSTANTS.loose_std[5:]])
 
@@ -85,16 +87,19 @@ def settle(observed: CalibrationObservations, start: Estimate, models: Sequence[
 
     ``observed`` are the views that fit, with the deviations of the doubts; ``folds`` those of the cross-validation.
     """
-    doubts = _open(observed, BOARD_DOUBTS)
+    doubts, stated = _open(observed, BOARD_DOUBTS), observed.doubts_std
     start, held = replace(start, doubts_std=observed.doubts_std), _open(observed, HELD_DOUBTS)
     trials = try_lenses(observed.blocks, start, models, folds, doubts)
     # A lens of too many coefficients hides another zoom: it is looked for with the lens that suffices beside it.
     beside = try_lenses(observed.blocks, start, models, folds, np.union1d(doubts, held)) if len(held) else trials
-    wrong = _contradicted(observed, choose_lens(trials), choose_lens(beside).model)
+    wrong, stretch = _contradicted(observed, choose_lens(trials), choose_lens(beside).model)
     if len(wrong):
         doubts = np.union1d(doubts, wrong)
+        if stated[_SIZE - CAMERA_END] > 0:
+            # Which side of a square was measured is not said: either is off the mean by half of what they differ by.
+            stated = np.where(np.arange(len(DOUBTS)) == _SIZE - CAMERA_END, np.hypot(stated, stretch / 2), stated)
         loose = np.isin(CAMERA_END + np.arange(len(DOUBTS)), wrong)
-        again = replace(trials[-1].estimate, doubts_std=np.where(loose, CONSTANTS.loose_std, observed.doubts_std))
+        again = replace(trials[-1].estimate, doubts_std=np.where(loose, CONSTANTS.loose_std, stated))
         trials = try_lenses(observed.blocks, again, models, folds, doubts)
     chosen = choose_lens(trials)
     fit = _fit(observed, chosen.estimate, chosen.model, doubts)
@@ -124,37 +129,52 @@ def _open(observed: CalibrationObservations, doubts: Doubts) -> Doubts:
     return doubts[free]
 
 
-def _contradicted(observed: CalibrationObservations, trial: LensTrial, held_model: str) -> Doubts:
-    """Where the views contradict what is stated: zoom and shift of the held pictures, or zoom; size, or thickness."""
-    board, held = _open(observed, BOARD_DOUBTS), _open(observed, HELD_DOUBTS)
+def _contradicted(observed: CalibrationObservations, trial: LensTrial, held_model: str) -> tuple[Doubts, float]:
+    """Where the views contradict what is stated, and the stretch of squares that are none, zero of others.
+
+    That is the squares' shape; zoom and shift of the held pictures, or zoom; size, or thickness.
+    """
+    board, held, shape = (_open(observed, doubts) for doubts in (BOARD_DOUBTS, HELD_DOUBTS, PRINT_DOUBTS))
+    odd = _contradiction(observed, trial, trial.model, shape)
+    shape, stretch = (shape, float(odd.value[0])) if odd.beyond else (_NONE, 0.0)
     groups = [held, held[:1], *(board[board == i] for i in (_SIZE, _THICKNESS))]
     lenses = held_model, held_model, trial.model, trial.model
-    said = [_contradiction(observed, trial, lens, group) for lens, group in zip(lenses, groups, strict=True)]
-    wrong = [group for group, (beyond, _) in zip(groups[:2], said[:2], strict=True) if beyond][:1]
+    said = [_contradiction(observed, trial, lens, group, shape) for lens, group in zip(lenses, groups, strict=True)]
+    wrong = [group for group, one in zip(groups[:2], said[:2], strict=True) if one.beyond][:1]
     # Size and thickness explain nearly the same: it is the one that need not be as far from what is stated.
-    sizes = [(far, i) for i, (beyond, far) in enumerate(said) if beyond and i >= 2]
-    return np.concatenate([held[:0], *wrong, *(groups[i] for _, i in sorted(sizes)[:1])])
+    sizes = [(one.far, i) for i, one in enumerate(said) if one.beyond and i >= 2]
+    return np.concatenate([shape, *wrong, *(groups[i] for _, i in sorted(sizes)[:1])]), stretch
+
+
+class _Said(NamedTuple):
+    """Whether the views contradict what is stated of a group, by how many deviations, and the values they say."""
+
+    beyond: bool
+    far: float
+    value: Array
 
 
 def _contradiction(
-    observed: CalibrationObservations, trial: LensTrial, model: str, group: Doubts
-) -> tuple[bool, float]:
-    """Whether the views contradict what is stated of a group, the rest being as stated, and by how many deviations."""
+    observed: CalibrationObservations, trial: LensTrial, model: str, group: Doubts, beside: Doubts = _NONE
+) -> _Said:
+    """What the views say of a group, the rest being as stated, but for what is ``beside`` it: that is fitted freely."""
     if not len(group):
-        return False, 0.0
-    board, own = _open(observed, BOARD_DOUBTS), np.isin(CAMERA_END + np.arange(len(DOUBTS)), group)
-    start = replace(trial.estimate, doubts_std=np.where(own, CONSTANTS.loose_std, observed.doubts_std))
+        return _Said(False, 0.0, np.zeros(0))
+    board, every = np.union1d(_open(observed, BOARD_DOUBTS), beside), CAMERA_END + np.arange(len(DOUBTS))
+    own, free = np.isin(every, group), np.isin(every, np.union1d(group, beside))
+    start = replace(trial.estimate, doubts_std=np.where(free, CONSTANTS.loose_std, observed.doubts_std))
     fit = _fit(observed, start, model, np.union1d(group, board))
     value, stated = fit.estimate.doubts[own], np.where(np.isin(group, board), observed.doubts_std[own], 0.0)
     squared = float(value @ np.linalg.solve(fit.variance(group) + np.diag(stated**2), value))
     far, most = float(np.max(np.abs(value) / observed.doubts_std[own])), float(chdtri(len(group), 1 - CONSTANTS.sound))
     if squared <= most or np.isin(group, board).all():
-        return squared > most, far
-    # Of the held pictures nothing is stated: a fit may go far along a curved valley, off the straight one that its
-    # covariance describes, and leave the corners as far off as before.
-    as_stated = _fit(observed, replace(trial.estimate, doubts_std=observed.doubts_std), model, board)
-    gain = _squares(observed, as_stated, fit.estimate.noise_px) - _squares(observed, fit, fit.estimate.noise_px)
-    return gain > most, far
+        return _Said(squared > most, far, value)
+    # Of the held pictures and the squares' shape nothing is stated: a fit may go far along a curved valley, off the
+    # straight one that its covariance describes, and leave the corners as far off as before.
+    as_stated = np.where(np.isin(every, beside), CONSTANTS.loose_std, observed.doubts_std)
+    without = _fit(observed, replace(trial.estimate, doubts_std=as_stated), model, board)
+    gain = _squares(observed, without, fit.estimate.noise_px) - _squares(observed, fit, fit.estimate.noise_px)
+    return _Said(gain > most, far, value)
 
 
 def _squares(observed: CalibrationObservations, fit: _Fit, noise_px: float) -> float:
@@ -164,7 +184,7 @@ def _squares(observed: CalibrationObservations, fit: _Fit, noise_px: float) -> f
 
 
 def _fitted(fit: _Fit) -> tuple[Array, Array, float]:
-    """The doubts (8,) as fitted, their deviations (8,), zero where not fitted, and the bow over all directions [m]."""
+    """The doubts (10,) as fitted, their deviations (10,), zero where not fitted, and the greatest bow [m]."""
     value, std = fit.estimate.doubts, np.zeros(len(DOUBTS))
     fitted = fit.active[fit.active >= CAMERA_END]
     std[fitted - CAMERA_END] = np.sqrt(np.diag(fit.variance(fitted)))
@@ -182,10 +202,14 @@ def _findings(observed: CalibrationObservations, fit: _Fit, wrong: Doubts) -> tu
         findings.append(finding("board-size", percent=100 * value[0], std_percent=100 * std[0]))
     if _THICKNESS in wrong:
         findings.append(finding("board-thickness", thicker_mm=1e3 * value[4], std_mm=1e3 * std[4]))
+    if np.isin(PRINT_DOUBTS, wrong).any():
+        shape = {"percent": 100 * value[5], "std_percent": 100 * std[5], "skew_deg": np.degrees(value[6])}
+        findings.append(finding("board-stretched", **shape))
     if np.isin(HELD_DOUBTS, wrong).any():
         flip = _flip(observed.resolution_px, fit.estimate, std)
         names = "the held pictures"
-        numbers = {"percent": 100 * value[5], "std_percent": 100 * std[5], "u": value[6], "v": value[7]}
+        zoom, u, v = value[-3:]
+        numbers = {"percent": 100 * zoom, "std_percent": 100 * std[-3], "u": u, "v": v}
         by = "their optical centre is on the other side"
         turned = finding("held-flipped", names=names, flip=flip, by=by)
         findings.append(turned if flip else finding("held-differ", names=names, **numbers))
@@ -194,12 +218,12 @@ def _findings(observed: CalibrationObservations, fit: _Fit, wrong: Doubts) -> tu
 
 def _flip(resolution_px: tuple[int, int], estimate: Estimate, std: Array) -> str:
     """How the held pictures are flipped against the others, judging by their principal point; empty if they are not."""
-    if not (std[6:] > 0).all():
+    if not (std[-2:] > 0).all():
         return ""
     over = np.array(resolution_px) - 1 - 2 * estimate.shared[2:4]
     sides = {"mirrored": (1, 0), "upside down and mirrored": (0, 1), "upside down": (1, 1)}
     off = {
-        name: float(np.max(np.abs(estimate.doubts[5:] - [0.0, *(over * side)]) / std[5:]))
+        name: float(np.max(np.abs(estimate.doubts[-3:] - [0.0, *(over * side)]) / std[-3:]))
         for name, side in sides.items()
     }
     nearest = min(off, key=lambda name: off[name])

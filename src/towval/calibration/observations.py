@@ -26,7 +26,7 @@ class CalibrationObservations:
     """Boards held up, boards lying on the floor, and surveyed marks.
 
     Without marks the first floor board fixes the floor frame: its ``board_m`` are floor coordinates. ``reference`` is
-    None where there is no floor at all. ``doubts_std`` (8,) are the deviations of
+    None where there is no floor at all. ``doubts_std`` (10,) are the deviations of
     :data:`towval.calibration.blocks.DOUBTS`; zero, as by default, is what is known exactly.
     """
 

@@ -110,8 +110,7 @@ register(  # calibrate
     FindingType("view-dropped", "calibrate", (Severity.WARNING, Severity.NOTE), NONE, "{name} was left out: {reason}."),
     FindingType(
         "views-repeated", "calibrate", NOTE, NONE,
-        "{count} pictures show the board where another one shows it, and add no view: {names}. Move or tilt the board "
-        "between two pictures.",
+        "{count} pictures show the board where another one does, and add no view: {names}. Move or tilt it in between.",
     ),
     FindingType(
         "lens-undetermined", "calibrate", NOTE, NONE,
@@ -168,6 +167,11 @@ register(  # calibrate
         "board-bent", "calibrate", WARNING, NONE,
         "The board is bent: its middle stands {bow_mm:.1f} ± {std_mm:.1f} mm off its ends. The bow is corrected; a "
         "board on a stiff plate is better.",
+    ),
+    FindingType(
+        "board-stretched", "calibrate", WARNING, NONE,
+        "The board's squares are {percent:+.2f} ± {std_percent:.2g} % longer along its longer side than across, "
+        "and {skew_deg:+.2f}° askew. That is corrected; measure whole rows both ways, and state their mean.",
     ),
     FindingType(
         "board-size", "calibrate", WARNING, NONE,
@@ -423,9 +427,7 @@ register(  # uncertainty, compare, identify
         "compare_lost", "compare", WARNING, NONE,
         "{count} frames in which the object was not observed are left out of the comparison.",
     ),
-    FindingType(
-        "compare_cut", "compare", WARNING, NONE, "{count} measured frames have no simulated counterpart."
-    ),
+    FindingType("compare_cut", "compare", WARNING, NONE, "{count} measured frames have no simulated counterpart."),
     FindingType(
         "identify_one_run", "identify", WARNING, NONE,
         "One run only: no other run is left for the identified values to predict.",
