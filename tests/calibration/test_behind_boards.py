@@ -136,6 +136,40 @@ def test_a_turned_camera_took_the_same_pictures(scene):
     assert all(a is b for a, b in zip(found.boards, observed.boards, strict=True))
 
 
+def test_boards_on_the_floor_seen_by_a_camera_that_was_turned_are_left_out(scene):
+    """They tilted the floor, and positions were off by many stated deviations without a word."""
+    K = scene.camera.matrix
+    turned = K @ cv2.Rodrigues(np.array([0.006, -0.008, 0.002]))[0] @ np.linalg.inv(K)
+    flat = [each.name for each in scene.seen.floor_boards]
+    observed, pictures = film(scene, dict.fromkeys([*flat[2:4], *held(scene)[:2]], turned))
+    found, dropped, (named,) = as_floor_shows(observed, pictures, 1)
+    assert [each.name for each in found.floor_boards] == [name for name in flat if name not in flat[2:4]]
+    assert found.boards == observed.boards
+    assert list(dropped) == flat[2:4]
+    assert named.code == "floor-turned"
+    assert flat[2] in named.text
+
+
+@pytest.mark.parametrize(("middle_px", "turn_rad", "turned"), [(0.7, 0.0, False), (1.5, 0.0, True), (0.0, 0.002, True)])
+def test_a_turn_counts_that_displaces_a_corner_of_a_picture_by_a_pixel(middle_px, turn_rad, turned):
+    seen = Crop(middle_px=np.array([middle_px, 0.0]), turn_rad=turn_rad, std_px=0.1)
+    assert (seen.turned_px(SIZE) > 0) == turned
+
+
+def test_a_crop_is_no_turn():
+    shift_px = np.array([30.0, -10.0])
+    assert Crop(shift_px=shift_px, std_px=0.3, middle_px=shift_px + 0.5).turned_px(SIZE) == 0
+
+
+@pytest.mark.parametrize(("middle_px", "shift_px"), [(0.5, 0.0), (2.0, 5.0)])
+def test_a_crop_and_a_turn_that_undo_one_another_are_noise(middle_px, shift_px):
+    """A camera that stood still was said to have filmed with another crop, shifted by (1.4, -3.0) px."""
+    focal_px = 1500.0
+    H = np.array([[1.0, 0.0, middle_px], [0.0, 1.0, 0.0], [(5.0 - middle_px) / focal_px**2, 0.0, 1.0]])
+    found = behind_boards._crop_of(H, 1e-9, focal_px, mirrored=False)
+    assert found.shift_px == pytest.approx([shift_px, 0.0], abs=0.1)
+
+
 @pytest.mark.parametrize("name", FLIPS)
 def test_pictures_turned_over_are_named(scene, name):
     observed, pictures = film(scene, dict.fromkeys(held(scene)[1::2], FLIPS[name]))

@@ -6,7 +6,7 @@ tells another crop from a turn of the camera, which is no fault of a picture: to
 a perspective that the turn alone brings. No lens enters but for the focal length, roughly.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -54,7 +54,8 @@ _FLIPS = {
 class Crop:
     """A picture against another: how it is turned over, its zoom, the shift (2,) of its middle [px], and its noise.
 
-    ``turn_rad`` is what is left of a turn in the picture.
+    ``turn_rad`` is what is left of a turn in the picture, ``middle_px`` (2,) how far crop and turn together move its
+    middle [px].
     """
 
     flip: str = ""
@@ -62,6 +63,7 @@ class Crop:
     shift_px: Array = field(default_factory=lambda: np.zeros(2))
     std_px: float = 0.0
     turn_rad: float = 0.0
+    middle_px: Array = field(default_factory=lambda: np.zeros(2))
 
     def displaced_px(self, other: "Crop", resolution_px: tuple[int, int]) -> float:
         """By how much the two displace the corner of a picture otherwise."""
@@ -72,6 +74,12 @@ class Crop:
         """Whether the two displace the corner of a picture otherwise."""
         noise_px = CONSTANTS.significant * float(np.hypot(self.std_px, other.std_px))
         return self.displaced_px(other, resolution_px) > max(CONSTANTS.differs_px, noise_px)
+
+    def turned_px(self, resolution_px: tuple[int, int]) -> float:
+        """By how much a turn of the camera displaces the corner of a picture, zero where it is not significant."""
+        crop_px = self.shift_px if self.differs(Crop(), resolution_px) else np.zeros(2)
+        turn = Crop(zoom=1 + self.turn_rad, shift_px=self.middle_px - crop_px, std_px=self.std_px)
+        return turn.displaced_px(Crop(), resolution_px) if turn.differs(Crop(), resolution_px) else 0.0
 
     def undone(self, pixels: Array, resolution_px: tuple[int, int]) -> Array:
         """Where pixels (n, 2) of the picture are in the other."""
@@ -96,21 +104,22 @@ def as_floor_shows(
     ``pictures`` are those of the ``observed`` boards, among others. Also returned are the boards that are left out,
     each with the reason, and the findings. Where the floor is seen behind most of the held boards, their zoom and crop
     are known and no longer fitted. If the boards were filmed before the camera was mounted, nothing follows from what
-    is behind them.
+    is behind them. Boards on the floor that were seen after the camera was turned are left out.
     """
     size = observed.resolution_px
     if not observed.floor_boards or not observed.boards:
         return observed, {}, ()
     all_crops = _crops(observed, pictures, threads)
+    observed, left_out, turned = _without_turned(observed, all_crops)
     crops = {each.name: all_crops[each.name] for each in observed.boards}
     seen = {name: crop for name, crop in crops.items() if crop is not None}
     if _carried(list(seen.values()), size):
-        return observed, {}, ()
+        return observed, left_out, turned
     flipped = [name for name, crop in seen.items() if crop.flip]
     if flipped:
         behind = "what stands still behind the boards is turned over"
         named = finding("held-flipped", names=some_of(flipped), flip=seen[flipped[0]].flip, by=behind)
-        return _undoubted(observed), {}, (named,)
+        return _undoubted(observed), left_out, (*turned, named)
     known = {name: crop for name, crop in all_crops.items() if crop is not None and not crop.flip}
     known = {
         name: _mean([each for each in known.values() if not each.differs(crop, size)]) for name, crop in known.items()
@@ -120,7 +129,7 @@ def as_floor_shows(
     held_differ = [name for name in differ if name in seen]
     kept = _undoubted(observed) if held_differ or 2 * len(seen) >= len(crops) else observed
     if not differ:
-        return kept, {}, ()
+        return kept, left_out, turned
     seen = {name: known[name] for name in seen}
     of_held = [Crop()] if not held_differ else list(seen.values())
     usual = None if any(each.differs(of_held[0], size) for each in of_held) else of_held[0]
@@ -132,7 +141,26 @@ def as_floor_shows(
     most = known[max(differ, key=lambda name: abs(known[name].zoom - 1))]
     numbers = {"percent": 100 * (most.zoom - 1), "std_percent": CONSTANTS.zoom_std_percent}
     named = finding("held-differ", names=some_of(differ), u=most.shift_px[0], v=most.shift_px[1], **numbers)
-    return replace(kept, boards=boards, floor_boards=flat), dropped, (named,)
+    return replace(kept, boards=boards, floor_boards=flat), left_out | dropped, (*turned, named)
+
+
+def _without_turned(
+    observed: CalibrationObservations, crops: Mapping[str, Crop | None]
+) -> tuple[CalibrationObservations, dict[str, str], tuple[Finding, ...]]:
+    """The observations less the boards on the floor that were seen after the camera was turned, and what to say of it.
+
+    One plane is fitted to all of them, as the camera saw it in the first of these pictures: boards that it saw from
+    another place tilt it, and fit as well as ever. A held board lies anywhere, and stays.
+    """
+    seen = {each.name: crops.get(each.name) for each in observed.floor_boards[1:]}
+    size = observed.resolution_px
+    by_px = {name: crop.turned_px(size) for name, crop in seen.items() if crop is not None and not crop.flip}
+    by_px = {name: px for name, px in by_px.items() if px > 0}
+    if not by_px:
+        return observed, {}, ()
+    named = finding("floor-turned", names=some_of(list(by_px)), by_px=max(by_px.values()))
+    reason = "the camera was turned between the first picture of the floor and this one"
+    return observed.without(set(by_px)), dict.fromkeys(by_px, reason), (named,)
 
 
 def _carried(crops: Sequence[Crop], resolution_px: tuple[int, int]) -> bool:
@@ -244,7 +272,9 @@ def _crop_of(H: Array, bend_std: float, focal_px: float, *, mirrored: bool) -> C
     """Zoom and shift of a homography between centred pixels, less what a turn of the camera does."""
     A, turn_px = H[:2, :2], -(focal_px**2) * H[:2, :2] @ H[2, :2]
     shift = H[:2, 2] - turn_px
-    if np.linalg.norm(shift) < CONSTANTS.lens_share * np.linalg.norm(turn_px):
+    # A crop and a turn that undo one another are the noise of the perspective, by which alone they are told apart.
+    still = np.linalg.norm(H[:2, 2]) < CONSTANTS.differs_px
+    if still or np.linalg.norm(shift) < CONSTANTS.lens_share * np.linalg.norm(turn_px):
         shift = np.zeros(2)
     turn = float(np.arctan2(A[1, 0] - A[0, 1], A[0, 0] + A[1, 1]))
     upside_down = abs(turn) > np.pi / 2
@@ -254,4 +284,5 @@ def _crop_of(H: Array, bend_std: float, focal_px: float, *, mirrored: bool) -> C
         shift,
         focal_px**2 * bend_std,
         turn - np.copysign(np.pi, turn) if upside_down else turn,
+        H[:2, 2],
     )

@@ -191,6 +191,11 @@ register(  # calibrate
         "picture's centre wrong. Take all pictures as the videos are filmed, by one camera, focus and zoom locked.",
     ),
     FindingType(
+        "floor-turned", "calibrate", WARNING, NONE,
+        "The camera was turned after the floor's first picture: {names} show what stands still {by_px:.0f} px away. "
+        "They are left out, since they would tilt the floor. Fix the camera, and take them all again.",
+    ),
+    FindingType(
         "held-flipped", "calibrate", (Severity.REFUSAL,), NOT_JUDGED,
         "Pictures of the held board are {flip} against those of the floor: {names} ({by}). Save all pictures as the "
         "camera films, without mirroring or turning.",
