@@ -87,6 +87,14 @@ def test_a_print_that_is_stretched_along_one_side_is_corrected(stretch, floor):
     assert after < (1.0 if floor == "both" else 2 * uncertainty_map(corrected, 0.0).rms_m * 1e3)
 
 
+def test_a_stretch_no_larger_than_the_size_is_uncertain_is_not_reported():
+    """Rendered boards whose pixels are whole are off by 0.04 %, and so are good prints."""
+    scene = film(8105, BoardFaults(stretch=0.0004))
+    assert codes(calibrated(scene)) == []
+    exact = replace(scene.seen, doubts_std=np.where(np.isin(DOUBTS, ["size"]), 0.0, scene.seen.doubts_std))
+    assert codes(calibrated(replace(scene, seen=exact))) == ["board-stretched"]
+
+
 def test_a_size_known_exactly_stays_known_beside_a_stretch():
     scene = film(8105, BoardFaults(stretch=0.006))
     exact = replace(scene.seen, doubts_std=np.where(np.isin(DOUBTS, ["size"]), 0.0, scene.seen.doubts_std))

@@ -164,7 +164,9 @@ def _contradiction(
     own, free = np.isin(every, group), np.isin(every, np.union1d(group, beside))
     start = replace(trial.estimate, doubts_std=np.where(free, CONSTANTS.loose_std, observed.doubts_std))
     fit = _fit(observed, start, model, np.union1d(group, board))
-    value, stated = fit.estimate.doubts[own], np.where(np.isin(group, board), observed.doubts_std[own], 0.0)
+    # Squares measured as well as the size is stated may be longer one way than the other by as much, unmeasured.
+    stated = np.where(np.isin(every, PRINT_DOUBTS), observed.doubts_std[_SIZE - CAMERA_END], observed.doubts_std)[own]
+    value, stated = fit.estimate.doubts[own], np.where(np.isin(group, HELD_DOUBTS), 0.0, stated)
     squared = float(value @ np.linalg.solve(fit.variance(group) + np.diag(stated**2), value))
     far, most = float(np.max(np.abs(value) / observed.doubts_std[own])), float(chdtri(len(group), 1 - CONSTANTS.sound))
     if squared <= most or np.isin(group, board).all():
