@@ -566,6 +566,21 @@ def test_what_was_tracked_through_a_moved_view_is_moved_back_where_that_turns_ou
     assert not shift[0].any()
 
 
+@pytest.mark.parametrize(
+    ("sure", "slope", "said"),
+    [(6, 2.9, "camera_not_registered"), (6, 1.7, "camera_not_watched"), (5, 2.9, "camera_not_watched")],
+)
+def test_a_floor_with_texture_that_was_surely_found_at_first_and_hardly_ever_again_was_lost(
+    sure, slope, said, monkeypatch
+):
+    """As copies of the floor are that a codec gives up at last: the camera may have crept all along."""
+    camera = registered_as([moved_by(0.0)] * 10 + [None] * 30)
+    assert camera._slope() > 2 * 2.2
+    monkeypatch.setattr(CameraMotion, "_slope", lambda _: slope)
+    camera.sure = sure
+    assert codes_of(camera) == [said]
+
+
 @pytest.mark.parametrize(("known", "watched"), [(7, True), (3, False)])
 def test_the_motion_of_a_camera_is_known_where_half_of_the_pictures_are_registered(known, watched):
     camera = registered_as([moved_by(4.0) if i % 10 < known else None for i in range(100)])

@@ -37,6 +37,9 @@ class CameraMotionConstants:
     least_known: float = 0.5  # Of the pictures; with fewer registered the floor shows too little.
     averaged: int = 12  # First pictures whose mean shows a noisy floor: in one of them most slopes are noise;
     enough_sure: int = 6  # unless so many of these are sure: pictures of 4K are not kept for nothing.
+    textured_slope: float = (
+        2.2  # [grey levels/px] Median of the points: codecs leave 1.5 of a plain floor, labs have 3.
+    )
     lost_s: float = 0.25  # [s] Longest time without registration; beyond, the camera's place is not known.
     scattered_px: float = 0.15  # [px] Of places against each other: 0.03 to 0.07 in sound footage.
     most_unknown: float = 0.05  # Of the pictures, bridged one by one.
@@ -237,9 +240,11 @@ class CameraMotion:
         time_s, raw, used, known = rows[:, 0], rows[:, 1 : _SIZE + 1], rows[:, _SIZE + 1 : -1], rows[:, -1] != 0
         registered = np.isfinite(raw[:, 0])
         zero, flat = np.zeros_like(raw), np.zeros((_SIZE, _SIZE))
-        everywhere = np.ones(len(rows), dtype=bool)
         if self.registered < max(1, CONSTANTS.least_known * (len(rows) - 1)):
-            return ViewMotion(self.camera, self.floor, time_s, zero, used, everywhere, flat, zero, flat)
+            # A floor with texture that was surely found at first, and later neither found nor near, was lost. What a
+            # codec leaves of a plain one looks the same whether the camera stood or crept.
+            known |= self.sure < CONSTANTS.enough_sure or self._slope() < CONSTANTS.textured_slope
+            return ViewMotion(self.camera, self.floor, time_s, zero, used, known, flat, zero, flat)
         modes: Array = np.asarray(np.linalg.cholesky(self.covariance), dtype=np.float64)
         z: Array = np.asarray(np.linalg.solve(modes, raw[registered].T).T, dtype=np.float64)
         # A picture is as uncertain as its own light and what hides its floor make it; the first is where all begins.
@@ -260,16 +265,23 @@ class CameraMotion:
         scattered_px *= scattered_px > CONSTANTS.scattered_px
         return ViewMotion(self.camera, self.floor, time_s, motion, used, known, common, own_all, modes, scattered_px)
 
+    def _slope(self) -> float:
+        """Median slope of the floor's points [grey levels/px]; zero where it shows nothing."""
+        template = self.watch.as_it_is.template
+        if template is None:
+            return 0.0
+        return float(np.median(np.linalg.norm(template.slopes[:, :2], axis=1)) * template.pixel_m)
+
     def findings(self, found: ViewMotion) -> tuple[Finding, ...]:
         """Findings about an estimate."""
         time_s = found.time_s
-        if self.registered < max(1, CONSTANTS.least_known * (len(time_s) - 1)):
-            return (finding("camera_not_watched"),)
         findings = []
         gap_s, at_s = _longest_gap(time_s, found.known)
         if gap_s > CONSTANTS.lost_s or found.known.mean() < 1 - CONSTANTS.most_unknown:
             share = 100 * (1 - found.known.mean())
             findings.append(finding("camera_not_registered", percent=share, gap_s=gap_s, time_s=at_s))
+        if self.registered < max(1, CONSTANTS.least_known * (len(time_s) - 1)):
+            return tuple(findings) or (finding("camera_not_watched"),)
         if found.scattered_px:
             findings.append(finding("picture_warped", place="of the still floor", scattered_px=found.scattered_px))
         shifts = np.array([self.watch.as_it_is.shift_px(motion) for motion in found.motion])
