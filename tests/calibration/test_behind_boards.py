@@ -150,6 +150,17 @@ def test_boards_on_the_floor_seen_by_a_camera_that_was_turned_are_left_out(scene
     assert flat[2] in named.text
 
 
+def test_of_a_board_on_the_floor_that_is_left_out_no_other_crop_is_named(scene):
+    K, flat = scene.camera.matrix, [each.name for each in scene.seen.floor_boards]
+    turned = K @ cv2.Rodrigues(np.array([0.006, -0.008, 0.02]))[0] @ np.linalg.inv(K)
+    turned = np.array([[1.02, 0, 40.0], [0, 1.02, -15.0], [0, 0, 1]]) @ turned
+    observed, pictures = film(scene, {flat[2]: turned})
+    found, dropped, named = as_floor_shows(observed, pictures, 1)
+    assert [each.code for each in named] == ["floor-turned"]
+    assert list(dropped) == [flat[2]]
+    assert all(a is b for a, b in zip(found.boards, observed.boards, strict=True))
+
+
 @pytest.mark.parametrize(("middle_px", "turn_rad", "turned"), [(0.7, 0.0, False), (1.5, 0.0, True), (0.0, 0.002, True)])
 def test_a_turn_counts_that_displaces_a_corner_of_a_picture_by_a_pixel(middle_px, turn_rad, turned):
     seen = Crop(middle_px=np.array([middle_px, 0.0]), turn_rad=turn_rad, std_px=0.1)

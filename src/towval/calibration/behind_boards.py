@@ -111,6 +111,7 @@ def as_floor_shows(
         return observed, {}, ()
     all_crops = _crops(observed, pictures, threads)
     observed, left_out, turned = _without_turned(observed, all_crops)
+    all_crops = {name: crop for name, crop in all_crops.items() if name not in left_out}
     crops = {each.name: all_crops[each.name] for each in observed.boards}
     seen = {name: crop for name, crop in crops.items() if crop is not None}
     if _carried(list(seen.values()), size):
