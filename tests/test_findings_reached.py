@@ -16,7 +16,8 @@ from towval.physics.dynamics import Outcome
 from towval.physics.trailing import _motion
 from towval.planning.planner import PlanOutcome, _deviation_findings
 from towval.tracking.camera_motion import CameraMotion
-from towval.tracking.follow import Follower, judge_clicks
+from towval.tracking.follow import Follower
+from towval.tracking.outline import judge_clicks
 
 BODY = Body("rover", 0.4, [[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]])
 

@@ -34,6 +34,7 @@ from towval.tracking.track import TrackSettings, _sample_findings
 BOX = target()
 PIXEL_M = BOX.metres_per_pixel(POSE)
 OUTLINE = BOX.pixels(BOX.body.top_corners_m, POSE)
+EMPTY = np.full((240, 320), 90, dtype=np.uint8)
 
 
 def aligned(luma, start=POSE, most_scale=20.0):
@@ -459,11 +460,11 @@ def test_a_registration_that_edges_leave_open_is_flagged(follower, std_px, unsur
 
 def test_clicks_that_miss_their_corners_are_flagged_and_of_another_body_refused():
     pixel_m = 1.5 / 200  # The box is 200 px long from corner to corner.
-    assert follow.judge_clicks(BOX.body, 5.0, pixel_m) == []
-    assert [finding.code for finding in follow.judge_clicks(BOX.body, 7.0, pixel_m)] == ["clicks_misfit"]
-    assert follow.judge_clicks(BOX.body, 14.0, pixel_m)
+    assert outline.judge_clicks(BOX.body, 5.0, pixel_m) == []
+    assert [finding.code for finding in outline.judge_clicks(BOX.body, 7.0, pixel_m)] == ["clicks_misfit"]
+    assert outline.judge_clicks(BOX.body, 14.0, pixel_m)
     with pytest.raises(InputError, match="do not fit its outline"):
-        follow.judge_clicks(BOX.body, 18.0, pixel_m)
+        outline.judge_clicks(BOX.body, 18.0, pixel_m)
 
 
 @pytest.mark.parametrize(
@@ -489,7 +490,7 @@ def test_a_lost_body_is_searched_at_once_and_in_each_way_twice_a_second(follower
     follower.relocaliser.find = lambda _: features.append(now)
     follower.lookalikes.candidates = lambda _: appearance.append(now) or []
     for now in np.arange(1, 4 * rate_hz) / rate_hz:
-        follower.follow(float(now), None)
+        follower.follow(float(now), EMPTY)
     assert features[0] == appearance[0] == 1 / rate_hz
     for times in (features, appearance):
         # Seldom enough that a lost frame costs ten tracked ones at most, often enough for half a second.
@@ -595,7 +596,7 @@ def test_of_places_that_look_as_good_the_one_at_home_is_found(follower):
     here = follower.motion.pose
     turned = compose(here, np.array([0.0, 0.0, np.pi]))
     follower.tracker.answer = lambda start: None
-    follower.follow(0.1, None)
+    follower.follow(0.1, EMPTY)
     follower.tracker.answer = lambda start: None if np.isnan(start).any() else start
     follower.lookalikes.candidates = lambda _: [Candidate(0.9, turned, np.ones(2)), Candidate(0.8, here, np.ones(2))]
     follower.lookalikes.rivals = lambda _, place: [turned if abs(place[2] - here[2]) < 1 else here]

@@ -34,8 +34,7 @@ from towval.report.preview import draw_start
 from towval.report.start_page import START_MARK, FloorBoard, StartOfRun, write_start_page
 from towval.selection.margin import measurement_std_m
 from towval.tracking.clicks import unsure_start
-from towval.tracking.follow import judge_clicks
-from towval.tracking.outline import pose_from_clicks
+from towval.tracking.outline import judge_clicks, pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.start import Tow, find_starts
 

@@ -20,6 +20,12 @@ register(  # track
         "with the focus fixed.",
     ),
     FindingType(
+        "edges_alone", "track", WARNING, NONE,
+        "The texture of the top of {name} did not hold its place in {count} of {frames} pictures: compression, or too "
+        "plain a top. Its edges say where it was, and their deviations are stated there. Film at a higher bit rate, or "
+        "with a pattern of strong contrast on the top.",
+    ),
+    FindingType(
         "focus_changed", "track", NOTE, NONE,
         "The top of {name} is less sharp than in the first picture, by a blur of up to {blur_px:.1f} px: focus or "
         "compression. The poses account for it. Lock the focus, or film at a higher bit rate.",

@@ -209,7 +209,7 @@ def _in_order(target: PlanarTarget, clicks_px: Array) -> Array:
         return clicks_px
     orders = [np.roll(each, k, axis=0) for each in (clicks_px, clicks_px[::-1]) for k in range(len(clicks_px))]
     misfit, *others = (pose_from_clicks(target, each)[2] for each in orders)
-    wrong = misfit > FOLLOW.misfit_of_clicks_px and min(others) < min(FOLLOW.misfit_of_clicks_px, misfit / 4)
+    wrong = misfit > OUTLINE.misfit_of_clicks_px and min(others) < min(OUTLINE.misfit_of_clicks_px, misfit / 4)
     return orders[1 + int(np.argmin(others))] if wrong else clicks_px
 
 

@@ -6,20 +6,28 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from towval.model import Array, Body, Features, Finding, Track, TrackStatus
-from towval.model.errors import InputError
+from towval.model import Array, Finding, Track, TrackStatus
 from towval.model.findings import finding
 from towval.model.geometry import compose, transform, wrapped
 from towval.tracking.blur import ahead_of_middle
 from towval.tracking.camera_motion import ViewMotion
 from towval.tracking.echoes import Echoes
+from towval.tracking.edges_alone import REACH_PX, ByEdges, EdgesAlone
 from towval.tracking.fields import Fields
 from towval.tracking.jumps import jump_findings
 from towval.tracking.known_lengths import lift_findings
 from towval.tracking.noise import as_when_moving, hold_rest, scatter_factors, steadied
-from towval.tracking.outline import OutlineFit, as_begun, combine_fits, observe_outline, observe_size, pose_from_clicks
+from towval.tracking.outline import (
+    OutlineFit,
+    as_begun,
+    combine_fits,
+    judge_clicks,
+    observe_outline,
+    observe_size,
+    pose_from_clicks,
+)
 from towval.tracking.planar_target import PlanarTarget
-from towval.tracking.pose import Measurement, Motion, Tracker, step_between
+from towval.tracking.pose import Measurement, Motion, Tracker, as_tracker, step_between
 from towval.tracking.record import Record
 from towval.tracking.relocalisation import Candidate, Lookalikes, Relocaliser
 from towval.tracking.template import Luma
@@ -37,8 +45,6 @@ class FollowConstants:
     outline_doubled_after: int = 12  # doubled after each dozen, so that a long video costs little more.
     farthest_correction_px: float = 3.0  # [px] Of the registration by all edges: clicks are that good.
     unsure_edges_px: float = 0.15  # [px] Deviation: sharp edges give up to 0.1, blurred ones 0.2 and more.
-    misfit_of_clicks_px: float = 6.0  # [px] More than 0.7 px of noise can explain.
-    wrong_clicks: float = 0.08  # Of the body's size: the clicks belong to another body or are in another order.
     most_acceleration: float = 5.0  # [m/s²] ASSUME: half of gravity, more than wheels or a tether give.
     surprise_px: float = 3.0  # [px] From the prediction, beyond what acceleration explains.
     search_every_s: float = 0.23  # [s] Between searches for a lost body: both ways of it within half a second.
@@ -87,16 +93,11 @@ class Follower:
         self.fitted_in: list[int] = []
         self.edge_watch, self.echoes = EdgeWatch(target), Echoes(target, luma, self.first_pose)
         self.fields, self.warp = Fields(target, self.echoes.template), WarpedTop(target, self.echoes.template)
+        self.edges_alone = EdgesAlone(target, self.echoes.template)
         self.sizes: list[float] = []
         self.next_outline_s = self.next_search_s = self.confirmed_until_s = time_s
         self.outlines_fitted = self.mistakable = self.searches = 0
-        self.tracker = make_tracker(target, luma, self.first_pose)
-        if not isinstance(self.tracker, Tracker):
-            raise InputError(
-                f"{type(self.tracker).__name__} is no tracker",
-                allowed="a class with measure and exposure_s",
-                remedy="derive it from towval.tracking.pose.Tracker",
-            )
+        self.tracker = as_tracker(make_tracker(target, luma, self.first_pose))
         self.relocaliser = Relocaliser(target, luma, self.first_pose)
         self.lookalikes = Lookalikes(target, luma, self.first_pose)
         self.looked: tuple[float, list[Candidate]] | None = None
@@ -134,6 +135,9 @@ class Follower:
         """
         measured = self.tracker.measure(luma, predicted, self.motion.velocity)
         measured = self._as_the_texture_went(time_s, luma, predicted, measured)
+        may_stray_m = CONSTANTS.most_acceleration * (time_s - self.motion.time_s) ** 2
+        if measured is None and may_stray_m < REACH_PX * self.pixel_m:
+            measured = self.edges_alone.measure(luma, predicted, self.outline_fits, self.edge_watch.looks().size)
         after_gap = self.record.last_status not in (None, TrackStatus.TRACKED)
         if measured is None or self._surprising(time_s, measured.pose):
             measured = self._search(time_s, luma, measured, others)
@@ -286,6 +290,16 @@ class Follower:
         return min(self.target.apart_m(known, pose) for known in (self.motion.pose, self.motion.predict(time_s)))
 
     def _keep_observation(self, time_s: float, luma: Luma, found: Measurement) -> None:
+        if isinstance(found, ByEdges):
+            pose = self.motion.observe(time_s, found.pose)
+            self.texture_motion.observe(time_s, pose)
+            self.edges_alone.pictures.append(len(self.record))
+        else:
+            found, pose = self._by_texture(time_s, luma, found)
+        self.record.keep(time_s, pose, found.covariance, TrackStatus.TRACKED, found.inlier_fraction, found.residual)
+
+    def _by_texture(self, time_s: float, luma: Luma, found: Measurement) -> tuple[Measurement, Array]:
+        """A measurement by the texture, measured again where the outline shows a better one, and its pose."""
         due, predicted = time_s >= self.next_outline_s, self.motion.predict(time_s)
         # What stays in the picture (a sensor's pattern) holds plain parts where they stood: the few edges look hidden.
         asked = due or self._foreign(found)
@@ -312,7 +326,7 @@ class Follower:
             self.outlines_fitted += 1
             doublings = self.outlines_fitted // CONSTANTS.outline_doubled_after
             self.next_outline_s = time_s + CONSTANTS.outline_every_s * 2**doublings
-        self.record.keep(time_s, pose, found.covariance, TrackStatus.TRACKED, found.inlier_fraction, found.residual)
+        return found, pose
 
     def _coasting_covariance(self, time_s: float) -> Array:
         # ASSUME: while not observed the body may have stopped, or gone on twice as fast.
@@ -352,7 +366,7 @@ class Follower:
             inlier_fraction=inliers,
             residual=residual,
             start_covariance=self.start_covariance if fit is None else fit.covariance,
-            features=self._features(raw),
+            features=self.record.features(raw, self.target.body.tracked_plane_height_m),
             findings=(*self.findings, *self._judge_observations(time_s, covariance, status), *further_findings),
             method=method,
         )
@@ -395,7 +409,10 @@ class Follower:
         std_m = float(np.percentile(np.sqrt(np.linalg.eigvalsh(seen.excess[looks.picture, :2, :2])[:, -1]), 95))
         if std_m > CONSTANTS.unsure_edges_px * self.pixel_m:
             self.findings.append(finding("texture_unsure", name=self.target.body.name, std_mm=1000 * std_m))
-        return compose(pose, seen.steps), seen.widened(pose, covariance), fit
+        self.findings += self.edges_alone.findings(len(pose))
+        alone, widened = self.edges_alone.pictures, seen.widened(pose, covariance)
+        seen.steps[alone], widened[alone] = 0.0, covariance[alone]
+        return compose(pose, seen.steps), widened, fit
 
     def _registration(self, excess: Array | None = None, strayed: Array | float = 0.0) -> OutlineFit | None:
         name = self.target.body.name
@@ -424,27 +441,3 @@ class Follower:
         if std_m > CONSTANTS.low_texture_px * self.pixel_m:
             findings.append(finding("low_texture", name=name, std_mm=1000 * std_m))
         return findings
-
-    def _features(self, pose: Array) -> Features | None:
-        points = self.record.points
-        if not points:
-            return None
-        count = [len(own) for _, own, _ in points]
-        frame = np.repeat([index for index, _, _ in points], count)
-        floor_xy = transform(pose[frame], np.concatenate([own for _, own, _ in points]))
-        floor_m = np.column_stack([floor_xy, np.full(len(frame), self.target.body.tracked_plane_height_m)])
-        return Features(frame, floor_m, np.concatenate([weights for _, _, weights in points]))
-
-
-def judge_clicks(body: Body, misfit_px: float, pixel_m: float) -> list[Finding]:
-    """A finding where clicks miss the outline of a body by ``misfit_px`` [px]; raises `InputError` far off it."""
-    size_px = float(np.linalg.norm(np.ptp(body.top_corners_m, axis=0))) / pixel_m
-    if misfit_px > max(CONSTANTS.misfit_of_clicks_px, CONSTANTS.wrong_clicks * size_px):
-        raise InputError(
-            f"first_frame_clicks_px of {body.name} do not fit its outline",
-            got=f"a corner {misfit_px:.0f} px off at the best fit",
-            allowed=f"{CONSTANTS.misfit_of_clicks_px:.0f} px",
-            remedy="click its corners in the order of top_corners_m (not another body's); check its height and size",
-        )
-    misfits = misfit_px > CONSTANTS.misfit_of_clicks_px
-    return [finding("clicks_misfit", name=body.name, misfit_px=misfit_px)] if misfits else []

@@ -13,8 +13,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from towval.model import Array, Body
+from towval.model import Array, Body, Finding
 from towval.model.errors import InputError
+from towval.model.findings import finding
 from towval.model.geometry import compose, rigid_fit, transform
 from towval.tracking.interpolation import plane_to_camera
 from towval.tracking.noise import beyond
@@ -36,6 +37,8 @@ class OutlineConstants:
     """Tuned constants of the edge fit; lengths in pixels are measured on the planar target."""
 
     click_noise_px: float = 0.7  # [px] Standard deviation of one coordinate of a click.
+    misfit_of_clicks_px: float = 6.0  # [px] Of clicks from the outline: more than their noise can explain.
+    wrong_clicks: float = 0.08  # Of the body's size: the clicks belong to another body or are in another order.
     reach_px: float = 4.0  # [px] From the outline in which an edge is searched; clicks are within 3 px.
     step_px: float = 1 / 3  # [px] Between readings along a profile.
     spacing_px: float = 1.5  # [px] Between profiles that are averaged to one.
@@ -141,6 +144,20 @@ def pose_from_clicks(target: PlanarTarget, clicks_px: ArrayLike) -> tuple[Array,
     x, y = body.top_corners_m.T
     rows = np.concatenate([np.stack([np.ones_like(x), 0 * x, -y], 1), np.stack([0 * x, np.ones_like(x), x], 1)])
     return pose, np.linalg.inv(rows.T @ rows) * (CONSTANTS.click_noise_px * pixel) ** 2, float(misfit)
+
+
+def judge_clicks(body: Body, misfit_px: float, pixel_m: float) -> list[Finding]:
+    """A finding where clicks miss the outline of a body by ``misfit_px`` [px]; raises `InputError` far off it."""
+    size_px = float(np.linalg.norm(np.ptp(body.top_corners_m, axis=0))) / pixel_m
+    if misfit_px > max(CONSTANTS.misfit_of_clicks_px, CONSTANTS.wrong_clicks * size_px):
+        raise InputError(
+            f"first_frame_clicks_px of {body.name} do not fit its outline",
+            got=f"a corner {misfit_px:.0f} px off at the best fit",
+            allowed=f"{CONSTANTS.misfit_of_clicks_px:.0f} px",
+            remedy="click its corners in the order of top_corners_m (not another body's); check its height and size",
+        )
+    misfits = misfit_px > CONSTANTS.misfit_of_clicks_px
+    return [finding("clicks_misfit", name=body.name, misfit_px=misfit_px)] if misfits else []
 
 
 def stretches_of(body: Body, pixel_m: float) -> Stretches:

@@ -73,6 +73,17 @@ class Tracker(Protocol):
         """
 
 
+def as_tracker(made: object) -> Tracker:
+    """What was made for a tracker; raises `InputError` where it is none."""
+    if not isinstance(made, Tracker):
+        raise InputError(
+            f"{type(made).__name__} is no tracker",
+            allowed="a class with measure and exposure_s",
+            remedy="derive it from towval.tracking.pose.Tracker",
+        )
+    return made
+
+
 def tukey_weights(misfit: Array, scale: float) -> Array:
     """Tukey's biweight (n,) of misfits (n,) whose deviation is ``scale``."""
     return np.clip(1 - (misfit / (TUKEY * scale)) ** 2, 0, None) ** 2

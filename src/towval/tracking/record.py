@@ -5,7 +5,8 @@ from array import array
 import numpy as np
 from numpy.typing import NDArray
 
-from towval.model import Array, TrackStatus
+from towval.model import Array, Features, TrackStatus
+from towval.model.geometry import transform
 
 _NUMBERS = 16  # A frame's row: time, pose, covariance, status, share of inliers, residual.
 _LAST = 64  # Frames from which the usual misfit is computed.
@@ -43,7 +44,18 @@ class Record:
         """Median residual of the last observations; infinite where there is none but the first, which fits itself."""
         rows = np.array(self.numbers[-_LAST * _NUMBERS :]).reshape(-1, _NUMBERS)
         known = rows[(rows[:, 13] == TrackStatus.TRACKED) & (rows[:, 0] > self.numbers[0]), 15]
+        known = known[np.isfinite(known)]
         return float(np.median(known)) if len(known) else np.inf
+
+    def features(self, pose: Array, height_m: float) -> Features | None:
+        """The kept points on the floor, of the frames' poses (n, 3), at the height of their plane [m]."""
+        if not self.points:
+            return None
+        count = [len(own) for _, own, _ in self.points]
+        frame = np.repeat([index for index, _, _ in self.points], count)
+        floor_xy = transform(pose[frame], np.concatenate([own for _, own, _ in self.points]))
+        floor_m = np.column_stack([floor_xy, np.full(len(frame), height_m)])
+        return Features(frame, floor_m, np.concatenate([weights for _, _, weights in self.points]))
 
     def columns(self) -> tuple[Array, Array, Array, NDArray[np.uint8], Array, Array]:
         """Times, poses (n, 3), covariances (n, 3, 3), status, share of inliers and residuals."""

@@ -1,0 +1,93 @@
+"""A body whose texture is there but does not hold its place: faint, or taken away by a codec. Its edges hold it.
+
+An alignment with hardly any texture agrees with the picture all along the way, and never settles. The long edges of
+the top are as sharp as before. So where the tracker finds nothing near the predicted place, the outline is fitted
+there, and taken where the top's texture lies inside it: edges of something that hides the body hold something else.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from towval.model import Array, Finding
+from towval.model.findings import finding
+from towval.model.geometry import compose, turned_covariance
+from towval.tracking.alignment import CONSTANTS as ALIGNMENT
+from towval.tracking.alignment import correlation_of_tiles
+from towval.tracking.outline import CONSTANTS as OUTLINE
+from towval.tracking.outline import OutlineFit, combine_fits, observe_outline
+from towval.tracking.planar_target import PlanarTarget
+from towval.tracking.plane_tracker import CONSTANTS as TRACKER
+from towval.tracking.pose import Measurement, step_between
+from towval.tracking.template import Luma, Template
+from towval.tracking.two_measurements import by_size, edges
+
+
+@dataclass(frozen=True)
+class EdgesAloneConstants:
+    """Tuned constants of following by edges alone; lengths in pixels are measured on the planar target."""
+
+    most_std_px: float = 0.3  # [px] Deviation of a place, and over that of the fits where the texture held:
+    as_sure: float = 3.0  # other edges are taken for some of the top's where fits are less sure.
+
+
+CONSTANTS = EdgesAloneConstants()
+REACH_PX = OUTLINE.beside_px + OUTLINE.reach_px  # [px] From where a body is predicted, to which its edges are found.
+
+
+class ByEdges(Measurement):
+    """A pose that the edges tell; the texture tells no more than that the body is there."""
+
+
+class EdgesAlone:
+    """Finds one body by its outline where its texture, the ``template``, does not hold its place.
+
+    ``pictures``: numbers of those in which it was found so.
+    """
+
+    def __init__(self, target: PlanarTarget, template: Template | None):
+        self.target, self.template = target, template
+        self.pictures: list[int] = []
+
+    def measure(self, luma: Luma, predicted: Array, registered: Sequence[OutlineFit], sizes: Array) -> ByEdges | None:
+        """The pose (3,) by the edges near a ``predicted`` one, or None where they are not sure or not the top's.
+
+        ``registered``: fits of the outline at the texture's poses, by which a place of the one becomes one of the
+        other; ``sizes`` (m, 2): by how much the outline was found longer and wider than stated so far [m].
+        """
+        if self.template is None or not registered or not len(sizes):
+            return None
+        pixel_m, to_outline = self.target.metres_per_pixel(predicted), combine_fits(registered).correction
+        usual_m = float(np.median([each.largest_std_m for each in registered]))
+        most_m = min(CONSTANTS.most_std_px * pixel_m, CONSTANTS.as_sure * usual_m)
+        off = OUTLINE.beside_px * pixel_m
+        for turn in (0.0, off / self.target.reach_m, -off / self.target.reach_m):
+            steps = itertools.product((0.0, off, -off), (0.0, off, -off), (turn,))
+            places = [compose(predicted, compose(to_outline, np.array(step))) for step in steps]
+            fits = ((place, observe_outline(luma, self.target, place, wide=True)) for place in places)
+            found = [(place, fit) for place, fit in fits if fit is not None and fit.largest_std_m < most_m]
+            if not found:
+                continue
+            place, fit = min(found, key=lambda each: each[1].largest_std_m)
+            pose = compose(compose(place, fit.correction), step_between(to_outline, np.zeros(3)))
+            if self._alike(luma, pose) < TRACKER.least_correlation:
+                return None
+            covariance = fit.covariance + edges(self.target, pose) + by_size(fit.size - np.median(sizes, axis=0))
+            return ByEdges(pose, turned_covariance(covariance, pose[2]), inlier_fraction=0.0)
+        return None
+
+    def findings(self, frames: int) -> list[Finding]:
+        """What is reported where pictures of so many ``frames`` were measured so."""
+        name, count = self.target.body.name, len(self.pictures)
+        return [finding("edges_alone", name=name, count=count, frames=frames)] if count else []
+
+    def _alike(self, luma: Luma, pose: Array) -> float:
+        """Correlation of the picture at a ``pose`` (3,) with the template, as of an alignment that ends there."""
+        template = self.template
+        assert template is not None
+        values = self.target.grey_values(luma, template.points, pose)
+        share = template.tile_share if template.is_concentrated else np.ones(template.tiles)
+        limits = ALIGNMENT.least_of_tile, ALIGNMENT.visible_tiles
+        return float(correlation_of_tiles(values, template.values, template.tile, share, *limits))

@@ -1,0 +1,121 @@
+"""A body whose texture does not hold its place, followed by the edges of its top."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from painted import POSE, picture, target, texture
+
+from towval.model import TrackStatus
+from towval.model.geometry import compose
+from towval.tracking import edges_alone
+from towval.tracking.edges_alone import REACH_PX, EdgesAlone
+from towval.tracking.follow import Follower
+from towval.tracking.outline import OutlineFit, observe_outline
+from towval.tracking.pose import Measurement, Tracker, step_between
+from towval.tracking.template import make_template
+
+BOX = target()
+PIXEL_M = BOX.metres_per_pixel(POSE)
+GREY = texture(mean=170.0, contrast=15.0)
+USUAL = OutlineFit(np.zeros(3), np.diag([0.1 * PIXEL_M, 0.1 * PIXEL_M, 1e-3]) ** 2)
+SIZES = np.zeros((1, 2))
+
+
+class Fading(Tracker):
+    """Finds the texture where it is, or nothing where it has faded."""
+
+    def __init__(self):
+        self.at, self.faded = POSE, False
+
+    def measure(self, luma, predicted, velocity=None):
+        return None if self.faded else Measurement(self.at, np.diag([1e-4, 1e-4, 1e-4]) ** 2, residual=1.0)
+
+
+def followed(rate, pictures=range(40, 80), step_m=1e-3, covered=None):
+    """A box on its way whose texture has faded in some pictures: its track and how far it is off [px]."""
+    tracker, luma = Fading(), picture(BOX, grey=GREY)
+    follower = Follower(BOX, 0.0, luma, BOX.pixels(BOX.body.top_corners_m, POSE), lambda *_: tracker, 0.2)
+    follower.relocaliser = SimpleNamespace(find=lambda _: None)
+    follower.lookalikes = SimpleNamespace(candidates=lambda _: [], rivals=lambda *_: [], twins=[])
+    true = [compose(POSE, np.array([step_m * i, 0, 1e-4 * i])) for i in range(100)]
+    for i, pose in enumerate(true[1:], start=1):
+        tracker.at, tracker.faded = pose, i in pictures
+        follower.follow(i / rate, picture(BOX, pose, covered if i in pictures and covered else GREY))
+    track = follower.track("scripted")
+    return track, np.linalg.norm((track.pose - true)[:, :2], axis=1) / PIXEL_M
+
+
+def test_a_body_whose_texture_fades_is_followed_by_its_edges_as_well_as_they_are_known():
+    track, off_px = followed(25)
+    assert track.seen.all()
+    assert off_px.max() < 0.15
+    off_m = off_px * PIXEL_M
+    std_m = np.sqrt(np.trace(track.covariance[:, :2, :2], axis1=1, axis2=2))
+    assert (off_m < 3 * std_m).all()
+    assert std_m[40:80].max() < 0.3 * PIXEL_M
+    texts = [found.text for found in track.findings if found.code == "edges_alone"]
+    assert len(texts) == 1
+    assert "40 of 100 pictures" in texts[0]
+
+
+def test_what_covers_a_body_is_not_followed_by_its_edges():
+    """A card of the body's size lies on it from some picture on, with edges in the same places."""
+    track, _ = followed(25, covered=texture(seed=5, mean=170.0, contrast=15.0))
+    assert not (track.status[40:80] == TrackStatus.TRACKED).any()
+    assert not any(found.code == "edges_alone" for found in track.findings)
+
+
+def test_edges_are_not_followed_farther_than_they_are_found():
+    """At four pictures a second a body may be anywhere in the next one."""
+    track, _ = followed(4)
+    assert not (track.status[40:80] == TrackStatus.TRACKED).any()
+
+
+@pytest.fixture
+def alone():
+    return EdgesAlone(BOX, make_template(picture(BOX, grey=GREY), BOX, POSE))
+
+
+@pytest.mark.parametrize("step_px", [(0, 0, 0), (4, -4, 0), (-3, 3, 0.02), (0, 5, -0.03)])
+def test_a_body_beside_where_it_is_predicted_is_found(alone, step_px):
+    step = np.array(step_px) * [PIXEL_M, PIXEL_M, 1.0]
+    found = alone.measure(picture(BOX, grey=GREY), compose(POSE, step), [USUAL], SIZES)
+    assert BOX.apart_m(found.pose, POSE) < 0.2 * PIXEL_M  # A corner, by its turn as well.
+
+
+def test_a_body_beyond_reach_is_not_found_at_other_edges(alone):
+    step = np.array([3 * REACH_PX * PIXEL_M, 0, 0])
+    assert alone.measure(picture(BOX, grey=GREY), compose(POSE, step), [USUAL], SIZES) is None
+
+
+def test_edges_stand_where_the_texture_of_the_registered_pictures_says(alone):
+    """Edges that lay beside the texture's place all along lie beside it still."""
+    beside = OutlineFit(np.array([0.5 * PIXEL_M, 0, 0]), USUAL.covariance)
+    found = alone.measure(picture(BOX, grey=GREY), POSE, [beside], SIZES)
+    assert step_between(found.pose, POSE)[0] / PIXEL_M == pytest.approx(0.5, abs=0.1)
+
+
+def test_edges_too_far_apart_are_as_uncertain_as_that(alone):
+    luma = picture(BOX, grey=GREY)
+    size = observe_outline(luma, BOX, POSE, wide=True).size
+    sure = alone.measure(luma, POSE, [USUAL], size[None])
+    unsure = alone.measure(luma, POSE, [USUAL], size[None] + PIXEL_M)
+    assert unsure.covariance[0, 0] > sure.covariance[0, 0] + (0.2 * PIXEL_M) ** 2
+
+
+@pytest.mark.parametrize(
+    ("std_px", "usual_px", "is_found"), [(0.2, 0.2, True), (0.4, 0.2, False), (0.12, 0.05, True), (0.2, 0.05, False)]
+)
+def test_only_sure_edges_are_followed(alone, monkeypatch, std_px, usual_px, is_found):
+    """As sure as a third of a pixel, and as three times what was usual."""
+    known = np.diag([PIXEL_M, PIXEL_M, 1e-3]) ** 2
+    fit = OutlineFit(np.zeros(3), std_px**2 * known)
+    monkeypatch.setattr(edges_alone, "observe_outline", lambda *_, **__: fit)
+    usual = OutlineFit(np.zeros(3), usual_px**2 * known)
+    found = alone.measure(picture(BOX, grey=GREY), POSE, [usual], SIZES)
+    assert (found is not None) == is_found
+
+
+def test_a_body_without_texture_has_nothing_to_tell_it_by():
+    assert EdgesAlone(BOX, None).measure(picture(BOX, grey=GREY), POSE, [USUAL], SIZES) is None
