@@ -46,6 +46,46 @@ def board_thickness(_folder: Path, document: Document, millimetres: float, _rng:
     document["floor"]["board_thickness_m"] += millimetres / 1e3
 
 
+def stretched_print(folder: Path, document: Document, percent: float, _rng: Rng) -> None:
+    """A printer's feed drew the board longer: in each picture it is stretched about its middle, where it lies."""
+    columns, rows = (int(n) for n in document["camera"]["board"]["inner_corners"])
+    squares = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2).astype(np.float64)
+    middle = squares.mean(axis=0)
+    longer = np.diag([1 + percent / 100, 1.0, 1.0])
+    longer[0, 2] = -percent / 100 * middle[0]
+    paper = np.array([[-2, -2], [columns + 1, -2], [columns + 1, rows + 1], [-2, rows + 1]], dtype=np.float64)
+
+    def stretch(picture: Array) -> Array:
+        found, corners = cv2.findChessboardCornersSB(picture, (columns, rows))
+        if not found:
+            return picture
+        H = cv2.findHomography(squares, corners.reshape(-1, 2))[0]
+        moved = cv2.warpPerspective(
+            picture, H @ longer @ np.linalg.inv(H), picture.shape[::-1], flags=cv2.INTER_LANCZOS4
+        )
+        edge = cv2.perspectiveTransform((paper @ longer[:2, :2].T + longer[:2, 2])[None], H)
+        on_paper = cv2.fillConvexPoly(np.zeros_like(picture), np.round(edge).astype(np.int32), 255) > 0
+        return np.where(on_paper, moved, picture)
+
+    _repictured(folder, "*", stretch)
+
+
+def bumped_after_first(folder: Path, document: Document, px: float, rng: Rng) -> None:
+    """The camera was bumped after the first picture of the floor, and looked elsewhere from then on."""
+    heading = rng.uniform(0, 2 * np.pi)
+    by = px * _scale(document) * np.array([np.cos(heading), np.sin(heading)])
+    M = np.array([[1.0, 0.0, by[0]], [0.0, 1.0, by[1]]])
+    _repictured(
+        folder,
+        Path(document["floor"]["image"]).name,
+        lambda picture: np.asarray(
+            cv2.warpAffine(picture, M, picture.shape[::-1], flags=cv2.INTER_LANCZOS4, borderMode=4)
+        ),
+    )
+    for key in ("origin_corner_px", "x_axis_end_corner_px"):
+        document["floor"][key] = (np.array(document["floor"][key]) + by).tolist()
+
+
 def held_zoom(folder: Path, _document: Document, percent: float, _rng: Rng) -> None:
     """The held pictures were taken with another zoom."""
     _repictured(folder, "board_*", _zoomed(percent))

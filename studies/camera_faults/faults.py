@@ -176,6 +176,9 @@ FAULTS = (
     Fault("pulsing groups of pictures", (28, 33, 38), "", _CODED, encoding=unforeseen.pulsing),
     # Board and campaign
     Fault("board smaller", (0.3, 1, 3), "%", _SCALE, campaign=campaigns.board_size),
+    Fault("board stretched", (0.3, 1, 3), "%", (*_SCALE, "board-stretched"), campaign=campaigns.stretched_print),
+    Fault("bumped after the first floor", (3, 10, 30), "px", (*_MOVED, "floor-turned"),
+          campaign=campaigns.bumped_after_first),
     Fault("board thinner", (1, 3, 10), "mm", _SCALE, campaign=campaigns.board_thickness),
     Fault("tops smaller", (0.3, 1, 3), "%", _SCALE, campaign=campaigns.top_size),
     Fault("other zoom of held boards", (1, 3, 10), "%", (*_SCALE, "held-flipped"), campaign=campaigns.held_zoom),

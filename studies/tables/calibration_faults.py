@@ -31,8 +31,8 @@ from towval.model.errors import TowvalError
 from towval.optics.plane_uncertainty import pixel_grid, uncertainty_map
 from towval.optics.projection import to_plane
 
-_OF_VIDEO = ("clicks", "one corner clicked", "tops")
-"""Faults of these names touch no picture of the board."""
+_OF_VIDEO = ("clicks", "one corner clicked", "tops", "bumped")
+"""Faults of these names touch no picture of the board, or leave to `track` what the calibration cannot know."""
 
 
 def calibrated(campaign: Path, fault: Fault, strength: float) -> Calibration:

@@ -522,9 +522,9 @@ def test_what_the_tracker_does_not_find_is_no_rival(follower):
     here = follower.motion.pose
     rival = compose(here, np.array([0.5 * BOX.reach_m, 0, np.pi]))
     follower.lookalikes.rivals = lambda *_: [rival]
-    assert not follower._unmistakable(4.0, None, here)
+    assert not follower._unmistakable(4.0, EMPTY, here)
     follower.tracker.answer = lambda start: start if np.allclose(start, here) else None
-    assert follower._unmistakable(4.0, None, here)
+    assert follower._unmistakable(4.0, EMPTY, here)
 
 
 @pytest.mark.parametrize(("share", "shown"), [(0.07, False), (0.15, True)])

@@ -32,8 +32,9 @@ register(  # track
     ),
     FindingType(
         "pictures_mixed", "track", WARNING, WIDENS_TRACKING,
-        "Each picture keeps {percent:.0f} % or more of the one before: noise reduction over time. Poses lag by up to "
-        "{late_ms:.0f} ms, slow bodies most; the lag is added to their deviations. Switch noise reduction off.",
+        "Each picture keeps {percent:.0f} % or more of the one before: noise reduction over time, or a codec short of "
+        "bits. Poses lag by up to {late_ms:.0f} ms, slow bodies most; the lag is added to their deviations. Switch "
+        "noise reduction off, and film at a higher bit rate.",
     ),
     FindingType(
         "fields_apart", "track", WARNING, WIDENS_TRACKING,

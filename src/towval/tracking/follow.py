@@ -137,7 +137,7 @@ class Follower:
         measured = self._as_the_texture_went(time_s, luma, predicted, measured)
         may_stray_m = CONSTANTS.most_acceleration * (time_s - self.motion.time_s) ** 2
         if measured is None and may_stray_m < REACH_PX * self.pixel_m:
-            measured = self.edges_alone.measure(luma, predicted, self.outline_fits, self.edge_watch.looks().size)
+            measured = self._by_edges(luma, predicted)
         after_gap = self.record.last_status not in (None, TrackStatus.TRACKED)
         if measured is None or self._surprising(time_s, measured.pose):
             measured = self._search(time_s, luma, measured, others)
@@ -202,7 +202,7 @@ class Follower:
             return None
         self.next_search_s, self.searches = time_s + CONSTANTS.search_every_s, 0 if first else self.searches + 1
         for place in self._places(time_s, luma):
-            found = self.tracker.measure(luma, place)
+            found = self._found_at(luma, place)
             if found is None:
                 continue
             apart_m = 0.0 if doubtful is None else self.target.apart_m(found.pose, doubtful.pose)
@@ -282,8 +282,15 @@ class Follower:
 
     def _as_sharp(self, luma: Luma, place: Array) -> bool:
         """Whether the tracker, too, finds the body at a place that looks like it coarsely."""
-        found = self.tracker.measure(luma, place)
+        found = self._found_at(luma, place)
         return found is not None and self.target.apart_m(found.pose, place) < self.target.reach_m / 2
+
+    def _found_at(self, luma: Luma, place: Array) -> Measurement | None:
+        """The body near a place to which a search leads, by its texture or by its edges alone."""
+        return self.tracker.measure(luma, place) or self._by_edges(luma, place)
+
+    def _by_edges(self, luma: Luma, place: Array) -> Measurement | None:
+        return self.edges_alone.measure(luma, place, self.outline_fits, self.edge_watch.looks().size)
 
     def _stray_m(self, time_s: float, pose: Array) -> float:
         """Distance of a pose from the last observation or from the prediction, the smaller [m]."""
