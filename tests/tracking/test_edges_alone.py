@@ -119,3 +119,17 @@ def test_only_sure_edges_are_followed(alone, monkeypatch, std_px, usual_px, is_f
 
 def test_a_body_without_texture_has_nothing_to_tell_it_by():
     assert EdgesAlone(BOX, None).measure(picture(BOX, grey=GREY), POSE, [USUAL], SIZES) is None
+
+
+@pytest.mark.parametrize(
+    "registration", [None, OutlineFit(np.array([PIXEL_M, -0.5 * PIXEL_M, 0.01]), USUAL.covariance)]
+)
+def test_poses_end_where_the_edges_are_whatever_the_registration_became(alone, registration):
+    """What led from texture to edges when few outlines were known is not what all of them say in the end."""
+    beside = OutlineFit(np.array([0.5 * PIXEL_M, 0, 0]), USUAL.covariance)
+    alone.keep(7, alone.measure(picture(BOX, grey=GREY), POSE, [beside], SIZES))
+    found = alone.measure(picture(BOX, grey=GREY), POSE, [beside], SIZES)
+    pose = compose(found.pose, alone.steps(registration)[0])
+    pose = pose if registration is None else compose(pose, registration.correction)
+    assert BOX.apart_m(pose, POSE) < 0.1 * PIXEL_M
+    assert alone.pictures == [7]

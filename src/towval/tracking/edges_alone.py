@@ -7,13 +7,13 @@ there, and taken where the top's texture lies inside it: edges of something that
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from towval.model import Array, Finding
 from towval.model.findings import finding
-from towval.model.geometry import compose, turned_covariance
+from towval.model.geometry import compose, inverse, turned_covariance
 from towval.tracking.alignment import CONSTANTS as ALIGNMENT
 from towval.tracking.alignment import correlation_of_tiles
 from towval.tracking.outline import CONSTANTS as OUTLINE
@@ -37,19 +37,31 @@ CONSTANTS = EdgesAloneConstants()
 REACH_PX = OUTLINE.beside_px + OUTLINE.reach_px  # [px] From where a body is predicted, to which its edges are found.
 
 
+@dataclass(frozen=True)
 class ByEdges(Measurement):
-    """A pose that the edges tell; the texture tells no more than that the body is there."""
+    """A pose that the edges tell; the texture tells no more than that the body is there.
+
+    ``to_outline`` (3,): from it to where the outline was found, by which a place of edges is taken for one of texture.
+    """
+
+    to_outline: Array = field(default_factory=lambda: np.zeros(3))
 
 
 class EdgesAlone:
     """Finds one body by its outline where its texture, the ``template``, does not hold its place.
 
-    ``pictures``: numbers of those in which it was found so.
+    ``pictures``: numbers of those in which it was found so, with what led ``to_outline`` (3,) there.
     """
 
     def __init__(self, target: PlanarTarget, template: Template | None):
         self.target, self.template = target, template
         self.pictures: list[int] = []
+        self.to_outline: list[Array] = []
+
+    def keep(self, number: int, found: ByEdges) -> None:
+        """Take in what counts as an observation of a picture."""
+        self.pictures.append(number)
+        self.to_outline.append(found.to_outline)
 
     def measure(self, luma: Luma, predicted: Array, registered: Sequence[OutlineFit], sizes: Array) -> ByEdges | None:
         """The pose (3,) by the edges near a ``predicted`` one, or None where they are not sure or not the top's.
@@ -75,8 +87,13 @@ class EdgesAlone:
             if self._alike(luma, pose) < TRACKER.least_correlation:
                 return None
             covariance = fit.covariance + edges(self.target, pose) + by_size(fit.size - np.median(sizes, axis=0))
-            return ByEdges(pose, turned_covariance(covariance, pose[2]), inlier_fraction=0.0)
+            return ByEdges(pose, turned_covariance(covariance, pose[2]), inlier_fraction=0.0, to_outline=to_outline)
         return None
+
+    def steps(self, registration: OutlineFit | None) -> Array:
+        """Steps (k, 3) of these poses that lead to the outline once the ``registration`` is applied."""
+        steps = np.array(self.to_outline).reshape(-1, 3)
+        return steps if registration is None else compose(steps, inverse(registration.correction))
 
     def findings(self, frames: int) -> list[Finding]:
         """What is reported where pictures of so many ``frames`` were measured so."""

@@ -300,7 +300,7 @@ class Follower:
         if isinstance(found, ByEdges):
             pose = self.motion.observe(time_s, found.pose)
             self.texture_motion.observe(time_s, pose)
-            self.edges_alone.pictures.append(len(self.record))
+            self.edges_alone.keep(len(self.record), found)
         else:
             found, pose = self._by_texture(time_s, luma, found)
         self.record.keep(time_s, pose, found.covariance, TrackStatus.TRACKED, found.inlier_fraction, found.residual)
@@ -418,7 +418,7 @@ class Follower:
             self.findings.append(finding("texture_unsure", name=self.target.body.name, std_mm=1000 * std_m))
         self.findings += self.edges_alone.findings(len(pose))
         alone, widened = self.edges_alone.pictures, seen.widened(pose, covariance)
-        seen.steps[alone], widened[alone] = 0.0, covariance[alone]
+        seen.steps[alone], widened[alone] = self.edges_alone.steps(fit), covariance[alone]
         return compose(pose, seen.steps), widened, fit
 
     def _registration(self, excess: Array | None = None, strayed: Array | float = 0.0) -> OutlineFit | None:
