@@ -17,7 +17,7 @@ from towval.tracking.template import make_template
 
 BOX = target()
 PIXEL_M = BOX.metres_per_pixel(POSE)
-GREY = texture(mean=170.0, contrast=15.0)
+GREY = texture(mean=170.0, contrast=8.0)
 USUAL = OutlineFit(np.zeros(3), np.diag([0.1 * PIXEL_M, 0.1 * PIXEL_M, 1e-3]) ** 2)
 SIZES = np.zeros((1, 2))
 
@@ -61,7 +61,7 @@ def test_a_body_whose_texture_fades_is_followed_by_its_edges_as_well_as_they_are
 
 def test_what_covers_a_body_is_not_followed_by_its_edges():
     """A card of the body's size lies on it from some picture on, with edges in the same places."""
-    track, _ = followed(25, covered=texture(seed=5, mean=170.0, contrast=15.0))
+    track, _ = followed(25, covered=texture(seed=5, mean=170.0, contrast=8.0))
     assert not (track.status[40:80] == TrackStatus.TRACKED).any()
     assert not any(found.code == "edges_alone" for found in track.findings)
 
@@ -115,6 +115,21 @@ def test_only_sure_edges_are_followed(alone, monkeypatch, std_px, usual_px, is_f
     usual = OutlineFit(np.zeros(3), usual_px**2 * known)
     found = alone.measure(picture(BOX, grey=GREY), POSE, [usual], SIZES)
     assert (found is not None) == is_found
+
+
+@pytest.mark.parametrize(("contrast", "is_found"), [(12.0, True), (20.0, False)])
+def test_only_faint_texture_gives_way_to_edges(contrast, is_found):
+    """Strong texture that is not found is hidden, and so may its edges be."""
+    grey = texture(mean=170.0, contrast=contrast)
+    own = EdgesAlone(BOX, make_template(picture(BOX, grey=grey), BOX, POSE))
+    assert (own.measure(picture(BOX, grey=grey), POSE, [USUAL], SIZES) is not None) == is_found
+
+
+@pytest.mark.parametrize(("brighter", "is_found"), [(30.0, True), (60.0, False)])
+def test_a_glint_on_part_of_a_top_is_not_followed(alone, brighter, is_found):
+    """Its border stands out more than the edges."""
+    glint = picture(BOX, grey=lambda xy: GREY(xy) + brighter * (xy[:, 0] < -0.3))
+    assert (alone.measure(glint, POSE, [USUAL], SIZES) is not None) == is_found
 
 
 def test_a_body_without_texture_has_nothing_to_tell_it_by():

@@ -31,6 +31,8 @@ class EdgesAloneConstants:
 
     most_std_px: float = 0.3  # [px] Deviation of a place, and over that of the fits where the texture held:
     as_sure: float = 3.0  # other edges are taken for some of the top's where fits are less sure.
+    faint: float = 15.0  # [grey levels] Deviation of a template: what has more is found by it, or else hidden.
+    changed: float = 45.0  # [grey levels] Of a tile: codecs and light made up to 35 of bare tops, glints from 53 on.
 
 
 CONSTANTS = EdgesAloneConstants()
@@ -69,7 +71,9 @@ class EdgesAlone:
         ``registered``: fits of the outline at the texture's poses, by which a place of the one becomes one of the
         other; ``sizes`` (m, 2): by how much the outline was found longer and wider than stated so far [m].
         """
-        if self.template is None or not registered or not len(sizes):
+        if self.template is None or np.std(self.template.values) > CONSTANTS.faint:
+            return None
+        if not registered or not len(sizes):
             return None
         pixel_m, to_outline = self.target.metres_per_pixel(predicted), combine_fits(registered).correction
         usual_m = float(np.median([each.largest_std_m for each in registered]))
@@ -84,7 +88,7 @@ class EdgesAlone:
                 continue
             place, fit = min(found, key=lambda each: each[1].largest_std_m)
             pose = compose(compose(place, fit.correction), step_between(to_outline, np.zeros(3)))
-            if self._alike(luma, pose) < TRACKER.least_correlation:
+            if not self._shows(self.template, luma, pose):
                 return None
             covariance = fit.covariance + edges(self.target, pose) + by_size(fit.size - np.median(sizes, axis=0))
             return ByEdges(pose, turned_covariance(covariance, pose[2]), inlier_fraction=0.0, to_outline=to_outline)
@@ -100,11 +104,15 @@ class EdgesAlone:
         name, count = self.target.body.name, len(self.pictures)
         return [finding("edges_alone", name=name, count=count, frames=frames)] if count else []
 
-    def _alike(self, luma: Luma, pose: Array) -> float:
-        """Correlation of the picture at a ``pose`` (3,) with the template, as of an alignment that ends there."""
-        template = self.template
-        assert template is not None
+    def _shows(self, template: Template, luma: Luma, pose: Array) -> bool:
+        """Whether a picture shows the template at a ``pose`` (3,): all of it as bright, most of it with its texture."""
         values = self.target.grey_values(luma, template.points, pose)
+        known = values >= 0
+        count = np.bincount(template.tile[known], minlength=template.tiles)
+        change = np.bincount(template.tile[known], (values - template.values)[known], template.tiles)
+        if (np.abs(change) > CONSTANTS.changed * np.maximum(count, 1)).any():
+            return False
         share = template.tile_share if template.is_concentrated else np.ones(template.tiles)
         limits = ALIGNMENT.least_of_tile, ALIGNMENT.visible_tiles
-        return float(correlation_of_tiles(values, template.values, template.tile, share, *limits))
+        correlation = correlation_of_tiles(values, template.values, template.tile, share, *limits)
+        return bool(correlation >= TRACKER.least_correlation)
