@@ -8,6 +8,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
+from scipy.spatial.transform import Rotation
 
 from towval.io import records
 from towval.io.mcap_file import read_mcap, read_provenance, write_mcap
@@ -259,6 +260,17 @@ def test_rosbags_reads_every_message(tmp_path, calibration, simulated):
             assert topics <= set(reader.topics)
             for connection, _, data in reader.messages():
                 reader.deserialize(data, connection.msgtype)
+
+
+def test_the_camera_is_turned_as_scipy_says():
+    """At random, and where a part of the quaternion is zero or two are equal: half turns, thirds of a turn."""
+    turns = [*Rotation.random(200, rng=3), *(Rotation.create_group("O"))]
+    for turn in turns:
+        T = np.eye(4)
+        T[:3, :3] = turn.as_matrix().T
+        q = records.camera_place(Floor(T), 0.0).value.transforms[0].transform.rotation
+        parts, expected = np.array([q.x, q.y, q.z, q.w]), turn.as_quat()
+        np.testing.assert_allclose(parts * np.sign(parts @ expected), expected, atol=1e-15)
 
 
 def test_one_wrong_byte_is_always_refused(tmp_path, track):

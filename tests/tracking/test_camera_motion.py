@@ -23,9 +23,10 @@ from tests.tracking.painted_floor import (
     warped,
 )
 from towval.model.geometry import inverse_transform, transform
-from towval.optics.moved_view import moved_view, parameters_by_motion, pose_sensitivity
+from towval.optics.moved_view import parameters_by_motion, pose_sensitivity
 from towval.optics.plane_uncertainty import shared_parameters
 from towval.optics.projection import project, to_plane
+from towval.optics.view_motion import moved_view
 from towval.tracking import camera_motion, floor_registration
 from towval.tracking.camera_motion import CameraMotion, _separated
 from towval.tracking.floor_registration import FloorRegistration, Registered

@@ -9,9 +9,9 @@ import pytest
 
 from tests.tracking.painted_floor import CAMERA, FIRST, FLOOR, floor_picture, warped
 from towval.model import Calibration
-from towval.optics.moved_view import moved_view
 from towval.optics.plane_uncertainty import position_sensitivity
 from towval.optics.projection import to_plane
+from towval.optics.view_motion import moved_view
 from towval.tracking import lens_of_video as module
 from towval.tracking.floor_registration import FloorRegistration
 from towval.tracking.lens_of_video import lens_of_video

@@ -6,7 +6,7 @@ import pytest
 from studies.worlds.scenes import CeilingCamera, ceiling, drive, small_camera, standard_scene
 from towval.model import Body
 from towval.model.geometry import transform, wrapped
-from towval.optics.moved_view import moved_view
+from towval.optics.view_motion import moved_view
 from towval.tracking import relocalisation
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.relocalisation import Lookalikes, Relocaliser

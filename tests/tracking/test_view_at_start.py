@@ -10,8 +10,9 @@ from tests.tracking.painted import texture
 from tests.tracking.painted_floor import BODY, CAMERA, FIRST, FLOOR, floor_picture, moved_by, noisy_floor, seen_through
 from towval.commands.track import calibrated_at_start
 from towval.model import Calibration
-from towval.optics.moved_view import moved_view, pose_sensitivity, view_before
+from towval.optics.moved_view import pose_sensitivity
 from towval.optics.projection import project, to_plane
+from towval.optics.view_motion import moved_view, view_before
 from towval.tracking import view_at_start
 from towval.tracking.floor_registration import Learned
 from towval.tracking.view_at_start import calibration_at_start

@@ -122,11 +122,25 @@ def transforms(time_s: float, poses: dict[str, Array]) -> Any:
     return make("tf2_msgs/msg/TFMessage", transforms=children)
 
 
-def camera_transform(time_s: float, shift: Array, quaternion_xyzw: Sequence[float]) -> Any:
-    """A tf message with the pose of the camera above the floor."""
-    x, y, z, w = map(float, quaternion_xyzw)
-    rotation = make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
-    return make("tf2_msgs/msg/TFMessage", transforms=[_transform(time_s, CAMERA_FRAME, vector(*shift), rotation)])
+def camera_transform(time_s: float, shift: Array, rotation: Array) -> Any:
+    """A tf message with the pose of the camera above the floor: its place (3,) [m], and its axes as columns (3, 3)."""
+    x, y, z, w = _quaternion(rotation).tolist()
+    turned = make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
+    return make("tf2_msgs/msg/TFMessage", transforms=[_transform(time_s, CAMERA_FRAME, vector(*shift), turned)])
+
+
+def _quaternion(R: Array) -> Array:
+    """Quaternion (4,) in the order x, y, z, w of a rotation (3, 3).
+
+    SciPy has it, too, but takes half of a small stage's start to import. A row of the quaternion's product with itself
+    is a multiple of it; the one of the largest part loses no digits.
+    """
+    product, trace = np.empty((4, 4)), np.trace(R)
+    product[:3, :3] = R + R.T + (1 - trace) * np.eye(3)
+    product[3, :3] = product[:3, 3] = R[[2, 0, 1], [1, 2, 0]] - R[[1, 2, 0], [2, 0, 1]]
+    product[3, 3] = 1 + trace
+    largest = product[np.argmax(np.diagonal(product))]
+    return np.asarray(largest / np.linalg.norm(largest))
 
 
 def _transform(time_s: float, child: str, translation: Any, rotation: Any) -> Any:

@@ -15,6 +15,7 @@ from towval.model import Array, Body, Calibration, Camera, Floor
 from towval.model.camera import is_fisheye
 from towval.model.geometry import lifted, transform, turned_pixels
 from towval.model.run_record import RunRecord, measured_poses, nearest_samples, pose_at
+from towval.optics.view_motion import moved_view
 
 MISSING = -(2**15)
 """Coordinate of a point that is not known or far outside the picture."""
@@ -59,9 +60,6 @@ class _View:
         if watched is None:
             self.views, self.which = [(calibration.camera, calibration.floor)], np.zeros(len(time_s), dtype=int)
             return
-        # Imported here, because it imports the compiler, which takes longer than all the drawing.
-        from towval.optics.moved_view import moved_view  # noqa: PLC0415
-
         rows = watched.motion[nearest_samples(run.rover_track.time_s, time_s)]
         different, which = np.unique(rows, axis=0, return_inverse=True)
         self.views = [moved_view(watched.camera, watched.floor, motion) for motion in different]
@@ -78,7 +76,7 @@ class _View:
 def _projected(camera: Camera, floor: Floor, points: Array) -> Array:
     """Pixels (..., 2) of points (..., 3) [m], NaN behind the camera, by OpenCV where the lens is not a fisheye."""
     if is_fisheye(camera.lens_model):
-        # Imported here, because it imports the compiler.
+        # Imported here, because it imports the compiler, which takes longer than all the drawing.
         from towval.optics.projection import project  # noqa: PLC0415
 
         return project(camera, floor, points)

@@ -12,7 +12,8 @@ from towval.model import Array, Body, Camera, CameraTrack, Finding, Floor, Stamp
 from towval.model.conventions import PICTURE_MOTION, VIEW_MOTION
 from towval.model.findings import finding
 from towval.model.geometry import transform
-from towval.optics.moved_view import moved_view, parameters_by_motion, picture_motion, pose_sensitivity
+from towval.optics.moved_view import parameters_by_motion, picture_motion, pose_sensitivity
+from towval.optics.view_motion import moved_view
 from towval.tracking.floor_registration import CONSTANTS as REGISTRATION
 from towval.tracking.floor_registration import Hidden, Registered
 from towval.tracking.pose import STD_OF_MEDIAN

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from towval.model import Array, Body, Camera, Floor
-from towval.optics.moved_view import moved_view, parameters_by_motion
+from towval.optics.moved_view import parameters_by_motion
 from towval.optics.plane_uncertainty import position_sensitivity
 from towval.optics.projection import project, to_plane
+from towval.optics.view_motion import moved_view
 from towval.tracking.floor_kernels import outside, register_kernel, shares, sums_of_clusters
 from towval.tracking.light import CONSTANTS as LIGHT
 from towval.tracking.light import without_dead

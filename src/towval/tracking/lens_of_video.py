@@ -12,8 +12,9 @@ import numpy as np
 
 from towval.model import CALIBRATION_PARAMETERS, Array, Camera, Floor
 from towval.model.geometry import lifted
-from towval.optics.moved_view import moved_view, parameters_by_motion
+from towval.optics.moved_view import parameters_by_motion
 from towval.optics.projection import project, to_plane
+from towval.optics.view_motion import moved_view
 from towval.tracking.floor_registration import MEDIAN_NORMAL, FloorRegistration
 from towval.tracking.light import evened
 from towval.tracking.template import Luma

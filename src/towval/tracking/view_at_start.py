@@ -8,7 +8,8 @@ import numpy as np
 from towval.model import Array, Calibration, Camera, Finding, Floor
 from towval.model.conventions import VIEW_MOTION
 from towval.model.findings import finding, leaves_unjudged
-from towval.optics.moved_view import parameters_by_motion, view_before
+from towval.optics.moved_view import parameters_by_motion
+from towval.optics.view_motion import view_before
 from towval.tracking.camera_motion import CONSTANTS as MOTION
 from towval.tracking.floor_registration import FloorRegistration, Learned, Registered
 from towval.tracking.lens_of_video import lens_of_video

@@ -58,9 +58,5 @@ def read_calibration(path: Path) -> Calibration:
 
 def camera_place(floor: Floor, time_s: float) -> Message:
     """The camera in the floor frame, on ``/tf_static``."""
-    # Here, because only writing needs it and scipy.spatial takes longer to import than the rest of the records.
-    from scipy.spatial.transform import Rotation  # noqa: PLC0415
-
-    quaternion = Rotation.from_matrix(floor.T_camera_floor[:3, :3].T).as_quat()
-    static = ros.camera_transform(time_s, floor.camera_position_m, quaternion)
+    static = ros.camera_transform(time_s, floor.camera_position_m, floor.T_camera_floor[:3, :3].T)
     return Message("/tf_static", ros.nanoseconds(time_s), static)
