@@ -16,7 +16,11 @@ from towval.commands.console import Outcome, errors_reported, show  # noqa: E402
 def call(name: str, arguments: Mapping[str, Any]) -> Outcome | None:
     """Call ``module:function``; texts become paths where the function's annotations ask for them."""
     module, _, function_name = name.partition(":")
+    # What is imported stays: nobody need look for garbage in it, least of all the process as it ends.
+    gc.disable()
     function: Callable[..., Outcome | None] = getattr(importlib.import_module(module), function_name)
+    gc.freeze()
+    gc.enable()
     wanted = typing.get_type_hints(function)
     return function(**{key: _converted(value, wanted[key]) for key, value in arguments.items()})
 
