@@ -48,15 +48,16 @@ class Rectified:
            usual: float | None = None) -> "Rectified":  # fmt: skip
         """A picture with ``size`` (2,) cells along x and y."""
         luma, step = view
-        axes = [lo + cell_m * np.arange(n) for lo, n in zip(low, size, strict=True)]
-        places = np.stack(np.meshgrid(*axes), axis=-1)
+        along, across = (lo + cell_m * np.arange(n) for lo, n in zip(low, size, strict=True))
+        places = np.empty((len(across), len(along), 2))
+        places[..., 0], places[..., 1] = along, across[:, None]
         pixels: Floats = target.pixels(places.reshape(-1, 2), step).astype(np.float32).reshape(places.shape)
         u, v = np.ascontiguousarray(pixels[..., 0]), np.ascontiguousarray(pixels[..., 1])
         inside = (u >= 0) & (v >= 0) & (u < luma.shape[1] - 1) & (v < luma.shape[0] - 1)
         if not inside.any():
             return cls(low, cell_m, np.zeros_like(pixels), usual or 1.0)
-        first = np.floor([u[inside].min(), v[inside].min()]).astype(int)
-        last = np.ceil([u[inside].max(), v[inside].max()]).astype(int) + 1
+        limits = np.array([cv2.minMaxLoc(each, inside.view(np.uint8))[:2] for each in (u, v)])
+        first, last = np.floor(limits[:, 0]).astype(int), np.ceil(limits[:, 1]).astype(int) + 1
         crop = luma[first[1] : last[1] + 1, first[0] : last[0] + 1].astype(np.float32)
         middle = pixels[pixels.shape[0] // 2, pixels.shape[1] // 2 - 1 : pixels.shape[1] // 2 + 1]
         width_px = max(1.0, float(np.linalg.norm(middle[1] - middle[0])))
@@ -66,7 +67,7 @@ class Rectified:
         slopes = [cv2.Scharr(grey, cv2.CV_32F, *axis, scale=1 / 32) * inside for axis in ((1, 0), (0, 1))]
         if usual is None:
             usual = max(float(np.median(np.hypot(*slopes)[inside])) if inside.any() else 1.0, 0.25)
-        return cls(low, cell_m, np.stack(slopes, axis=-1), usual)
+        return cls(low, cell_m, np.asarray(cv2.merge(slopes), dtype=np.float32), usual)
 
     def shown(self, x: np.float32, y: np.float32) -> Floats:
         """How far each cell, from 0 to 1, shows an edge along (x, y)."""

@@ -53,13 +53,14 @@ def calibration_at_start(
     if not floor or any(picture.shape != luma.shape for _, picture in floor):
         return calibration, ()
     names, pictures = [name for name, _ in floor], [evened(picture) for _, picture in floor]
-    seen = _as_seen(calibration.camera, calibration.floor, evened(luma))
+    even = evened(luma)
+    seen = _as_seen(calibration.camera, calibration.floor, even)
     if seen.template is None:
         return calibration, ()
     other = lens_of_video(seen, luma, pictures)
     if other is not None:
-        luma = other.as_in_pictures(luma, calibration.floor)
-    found, findings = _referred(calibration, evened(luma), names, pictures)
+        even = evened(other.as_in_pictures(luma, calibration.floor))
+    found, findings = _referred(calibration, even, names, pictures)
     if other is None or any(map(leaves_unjudged, findings)):
         return found, findings
     covariance = found.covariance + other.added(found.floor)
