@@ -36,7 +36,6 @@ class EdgesAloneConstants:
 
 
 CONSTANTS = EdgesAloneConstants()
-REACH_PX = OUTLINE.beside_px + OUTLINE.reach_px  # [px] From where a body is predicted, to which its edges are found.
 
 
 @dataclass(frozen=True)

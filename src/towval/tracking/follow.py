@@ -12,7 +12,7 @@ from towval.model.geometry import compose, transform, wrapped
 from towval.tracking.blur import ahead_of_middle
 from towval.tracking.camera_motion import ViewMotion
 from towval.tracking.echoes import Echoes
-from towval.tracking.edges_alone import REACH_PX, ByEdges, EdgesAlone
+from towval.tracking.edges_alone import ByEdges, EdgesAlone
 from towval.tracking.fields import Fields
 from towval.tracking.jumps import jump_findings
 from towval.tracking.known_lengths import lift_findings
@@ -136,7 +136,7 @@ class Follower:
         measured = self.tracker.measure(luma, predicted, self.motion.velocity)
         measured = self._as_the_texture_went(time_s, luma, predicted, measured)
         may_stray_m = CONSTANTS.most_acceleration * (time_s - self.motion.time_s) ** 2
-        if measured is None and may_stray_m < REACH_PX * self.pixel_m:
+        if measured is None and may_stray_m < CONSTANTS.home * self.target.reach_m:
             measured = self._by_edges(luma, predicted)
         after_gap = self.record.last_status not in (None, TrackStatus.TRACKED)
         if measured is None or self._surprising(time_s, measured.pose):
