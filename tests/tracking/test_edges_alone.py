@@ -148,3 +148,17 @@ def test_poses_end_where_the_edges_are_whatever_the_registration_became(alone, r
     pose = pose if registration is None else compose(pose, registration.correction)
     assert BOX.apart_m(pose, POSE) < 0.1 * PIXEL_M
     assert alone.pictures == [7]
+
+
+@pytest.mark.parametrize(("off_px", "is_found"), [(1.0, True), (3.0, False)])
+def test_edges_farther_off_have_to_be_as_sure_from_where_they_are(alone, monkeypatch, off_px, is_found):
+    """An outline that is sure from where the body is predicted, and not from where that leads."""
+    luma, there = picture(BOX, grey=GREY), compose(POSE, np.array([off_px * PIXEL_M, 0, 0]))
+    unsure = OutlineFit(np.zeros(3), np.diag([PIXEL_M, PIXEL_M, 1e-3]) ** 2)
+
+    def observed(_luma, _target, pose, wide):
+        at_the_end = BOX.apart_m(pose, POSE) < 0.01 * PIXEL_M
+        return unsure if at_the_end else OutlineFit(step_between(pose, POSE), USUAL.covariance)
+
+    monkeypatch.setattr(edges_alone, "observe_outline", observed)
+    assert (alone.measure(luma, there, [USUAL], SIZES) is not None) == is_found

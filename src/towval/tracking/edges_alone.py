@@ -77,16 +77,23 @@ class EdgesAlone:
         pixel_m, to_outline = self.target.metres_per_pixel(predicted), combine_fits(registered).correction
         usual_m = float(np.median([each.largest_std_m for each in registered]))
         most_m = min(CONSTANTS.most_std_px * pixel_m, CONSTANTS.as_sure * usual_m)
-        off = OUTLINE.beside_px * pixel_m
+        off, expected = OUTLINE.beside_px * pixel_m, compose(predicted, to_outline)
         for turn in (0.0, off / self.target.reach_m, -off / self.target.reach_m):
             steps = itertools.product((0.0, off, -off), (0.0, off, -off), (turn,))
-            places = [compose(predicted, compose(to_outline, np.array(step))) for step in steps]
-            fits = ((place, observe_outline(luma, self.target, place, wide=True)) for place in places)
-            found = [(place, fit) for place, fit in fits if fit is not None and fit.largest_std_m < most_m]
-            if not found:
+            places = [compose(expected, np.array(step)) for step in steps]
+            begun = [(place, observe_outline(luma, self.target, place, wide=True)) for place in places]
+            sure = [(place, fit) for place, fit in begun if fit is not None and fit.largest_std_m < most_m]
+            if not sure:
                 continue
-            place, fit = min(found, key=lambda each: each[1].largest_std_m)
-            pose = compose(compose(place, fit.correction), step_between(to_outline, np.zeros(3)))
+            place, fit = min(sure, key=lambda each: each[1].largest_std_m)
+            end = compose(place, fit.correction)
+            if self.target.apart_m(end, expected) > off:
+                # The right place is as sure from where it is; edges of something else often are not.
+                again = observe_outline(luma, self.target, end, wide=True)
+                if again is None or again.largest_std_m >= most_m:
+                    return None
+                end, fit = compose(end, again.correction), again
+            pose = compose(end, step_between(to_outline, np.zeros(3)))
             if not self._shows(self.template, luma, pose):
                 return None
             covariance = fit.covariance + edges(self.target, pose) + by_size(fit.size - np.median(sizes, axis=0))
