@@ -111,7 +111,7 @@ class EdgesAlone:
         return [finding("edges_alone", name=name, count=count, frames=frames)] if count else []
 
     def _shows(self, template: Template, luma: Luma, pose: Array) -> bool:
-        """Whether a picture shows the template at a ``pose`` (3,): all of it as bright, and its texture in enough of it."""
+        """Whether a picture shows the template at a ``pose`` (3,): all as bright, and enough of its texture."""
         values = self.target.grey_values(luma, template.points, pose)
         known = values >= 0
         count = np.bincount(template.tile[known], minlength=template.tiles)
