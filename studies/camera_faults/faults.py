@@ -161,6 +161,7 @@ FAULTS = (
     Fault("variable rate", (5, 15, 40), "%", _TIME, timing.variable_rate),
     Fault("bursts of stamps", (2, 5, 10), "pictures", _TIME, timing.bursts),
     Fault("frozen", (0.3, 1, 2), "s", (*_TIME, "not_seen"), timing.frozen),
+    Fault("frozen to the end", (0.3, 1, 2), "s", (*_TIME, "not_seen"), timing.frozen_to_the_end),
     Fault("clips joined", (1, 3, 10), "pictures", _TIME, timing.joined),
     Fault("clips overlap", (-1, -3, -10), "pictures", _TIME, timing.joined),
     Fault("clock set", (20, 100, 500), "ms", _TIME, timing.clock_set),

@@ -77,6 +77,12 @@ def frozen(film: Film, seconds: float, _rng: Rng) -> Film:
     return _chosen(film, np.where(within, still, np.arange(len(film))), film.time_s)
 
 
+def frozen_to_the_end(film: Film, seconds: float, _rng: Rng) -> Film:
+    """The picture freezes that long before the end, and stays."""
+    last = max(len(film) - 1 - round(seconds / film.step_s), 0)
+    return _chosen(film, np.minimum(np.arange(len(film)), last), film.time_s)
+
+
 def torn(film: Film, percent: float, rng: Rng) -> Film:
     """In every third picture the upper part is that of the one before."""
     rows = round(percent / 100 * film.size_px[1])

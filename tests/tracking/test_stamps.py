@@ -8,7 +8,7 @@ import pytest
 from towval.model import Stamp, Track, TrackStatus
 from towval.tracking import stamps as stamps_module
 from towval.tracking.rate import rate_findings, usual_steps_s
-from towval.tracking.stamps import _common, _dropped, _enough, _lateness_s, _share, _smoother, check_stamps, delayed
+from towval.tracking.stamps import _common, _dropped, _enough, _lateness_s, _share, _smoother, check_stamps
 
 
 def filmed(true_s, stamps_s, shown=None, speeds=(0.15, 0.12), bumps=0.0, seed=0, noise_m=2e-5):
@@ -208,7 +208,7 @@ def test_a_picture_that_is_frozen_for_a_while_is_found(frozen, lost):
     assert "stamps_contradicted" in codes(tracks)
 
 
-@pytest.mark.parametrize("moved_s", [0.4, 2.0, 6.0])
+@pytest.mark.parametrize("moved_s", [0.42, 2.02, 6.02])
 def test_a_film_that_shows_a_rest_but_for_a_short_drive_freezes_nowhere(moved_s):
     """Of two minutes: at less than a twentieth of it, what a body usually does in a step is nothing."""
     stamps_s = np.arange(3000) / 25
@@ -262,21 +262,6 @@ def test_stamps_that_shake_by_more_than_steps_can_tell_make_poses_as_uncertain(s
     assert np.median(added / np.abs(speed)) == pytest.approx(0.01, rel=0.25)
 
 
-@pytest.mark.parametrize("times", [2, 3, 4, 6])
-def test_pictures_that_are_shown_several_times_are_as_uncertain_as_they_are_late(times):
-    """A body goes at 0.1 m/s: most poses show no velocity, those beside a leap up to half of all of it at once."""
-    pose = np.outer(np.arange(120) // times * times / 60, [0.06, 0.08, 0.0])
-    std = np.sqrt(np.trace(delayed(np.arange(120) / 60, pose, 0.01)[10:-10], axis1=1, axis2=2))
-    assert std.min() > 0.9 * 0.001
-    assert std.max() < 1.01 * 0.001 * max(1, times / 2)
-
-
-def test_no_picture_that_is_shown_ten_times_is_certain():
-    """The six poses on each side of one without a velocity reach a leap of one picture in ten, three would not."""
-    pose = np.outer(np.arange(120) // 10 * 10 / 60, [0.1, 0.0, 0.0])
-    assert (delayed(np.arange(120) / 60, pose, 0.01)[10:-10, 0, 0] > 0).all()
-
-
 def evenly_on(speed, due, jumps):
     """Whether a body that goes on at a speed, in deviations of a velocity, does so through ``jumps`` of another one."""
     std = 2e-5 * stamps_module.CONSTANTS.least_noise * 25  # of a motion without noise, a share of what is stated
@@ -296,13 +281,6 @@ def test_a_body_goes_on_that_misses_a_jump_by_three_deviations(speed, shows):
 def test_a_body_that_creeps_by_less_than_five_deviations_goes_on_through_nothing(speed, moves):
     """However many the jumps of the other one are, and however sure their sum."""
     assert evenly_on(speed, 1.0, 25) is moves
-
-
-def test_a_body_is_as_uncertain_as_it_is_fast_in_a_slip_of_three_pictures():
-    pose = np.outer(np.cumsum([0.0] * 20 + [0.01] * 3 + [0.0] * 20), [1.0, 0.0, 0.0])
-    std = np.sqrt(delayed(np.arange(43) / 25, pose, 0.01)[:, 0, 0])
-    assert std[21] == pytest.approx(0.25 * 0.01)
-    assert std[[10, 35]] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_one_body_may_jump_by_itself():

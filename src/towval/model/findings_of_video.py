@@ -137,7 +137,7 @@ register(  # track
     FindingType(
         "pictures_repeated", "track", WARNING, NONE,
         "{count} pictures repeat the one before (first at {time_s:.2f} s) and are left out: the camera or a converter "
-        "filled up what it had lost.",
+        "filled up what it had lost, or the picture froze.",
     ),
     FindingType(
         "stamps_contradicted", "track", WARNING, NOT_JUDGED,

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from towval.model import Array, Finding
 from towval.model.findings import finding
 from towval.tracking.blur import SharpTarget, paths
+from towval.tracking.late import delayed
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import STD_OF_MEDIAN, tukey_weights
-from towval.tracking.stamps import delayed
 from towval.tracking.template import Luma, Template, make_template
 
 

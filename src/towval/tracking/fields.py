@@ -16,9 +16,9 @@ from towval.model.findings import finding
 from towval.tracking.blur import paths
 from towval.tracking.echoes import CONSTANTS as ECHOES
 from towval.tracking.echoes import ROBUST_ROUNDS, largest_of_parts
+from towval.tracking.late import delayed
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import STD_OF_MEDIAN, tukey_weights
-from towval.tracking.stamps import delayed
 from towval.tracking.template import Luma, Template
 
 

@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from towval.model import Array, Finding, Stamp, Track, TrackStatus
 from towval.model.findings import finding
 from towval.model.tracks import stretches
+from towval.tracking.frozen import frozen_at_the_end
+from towval.tracking.late import delayed
 from towval.tracking.noise import about_quadratics
 
 
@@ -30,7 +32,6 @@ class StampConstants:
     agree: float = 0.2  # Difference of this share between bodies.
     evenly: float = 3.0  # Deviations by which a slow body misses the jumps of another one that it goes on through.
     creeps: float = 5.0  # Deviations of a pose by which a slow body is sure to have moved.
-    around: int = 6  # Pictures on each side whose velocity counts where one shows none.
     repeated: float = 0.1  # Of a step, below which the picture was repeated.
     leap: float = 3.0  # Of a body's usual speed, at which it leaves a rest only where the picture had been frozen.
     dropped: float = 10.0  # Times as well that all bodies fit a smooth curve with a step more: 7 is the most by chance,
@@ -67,7 +68,8 @@ def check_stamps(tracks: Mapping[str, Track]) -> tuple[dict[str, Track], tuple[F
     """
     time_s = next(iter(tracks.values())).time_s
     findings = list(_gaps(time_s))
-    repeated = np.zeros(len(time_s), dtype=bool)
+    noise_m = {name: _noise_m(track, np.full(len(time_s), True)) for name, track in tracks.items()}
+    repeated = frozen_at_the_end(tracks, noise_m)
     share, moving = _shares(tracks, repeated)
     for _ in range(_ROUNDS):
         still = _common(share, moving) & (np.nanmax(np.abs(1 + share), axis=0, initial=0.0) < CONSTANTS.repeated)
@@ -425,23 +427,6 @@ def _late_in_turn_s(track: Track, kept: NDArray[np.bool_]) -> float:
     velocity = np.gradient(pose[:, :2], time_s, axis=0)[rows]
     along = np.sum(velocity * ahead[:, :2], axis=1) * (1 - 2 * (rows % 2))
     return float(along.sum() / max(np.sum(velocity**2), 1e-12) / _ALTERNATION)
-
-
-def delayed(time_s: Array, pose: Array, late_s: float) -> Array:
-    """Covariance (n, 3, 3) of poses (n, 3) at times (n,) that are early or late by a deviation [s].
-
-    Where real pictures are shown several times each, most poses show no velocity: those around count, too.
-    """
-    covariance = np.zeros((len(pose), 3, 3))
-    seen = np.flatnonzero(np.isfinite(pose[:, 0]))
-    if late_s and len(seen) > 1:
-        velocity = np.gradient(pose[seen], time_s[seen], axis=0)
-        squared = velocity[:, :, None] * velocity[:, None, :]
-        around = np.pad(squared, ((CONSTANTS.around, CONSTANTS.around), (0, 0), (0, 0)), mode="edge")
-        mean = np.lib.stride_tricks.sliding_window_view(around, 2 * CONSTANTS.around + 1, axis=0).mean(axis=-1)
-        speed2, usual2 = (np.trace(each[:, :2, :2], axis1=1, axis2=2) for each in (squared, mean))
-        covariance[seen] = late_s**2 * np.where((speed2 < usual2)[:, None, None], mean, squared)
-    return covariance
 
 
 def _without(track: Track, repeated: NDArray[np.bool_]) -> Track:
