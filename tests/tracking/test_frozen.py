@@ -48,9 +48,15 @@ def going(steps_mm, still=20, noise_m=2e-5):
     return {"rover": rover, "object": resting}, {"rover": noise_m, "object": noise_m}
 
 
-@pytest.mark.parametrize(("last_mm", "found"), [(2.0, True), (1.65, True), (1.55, False), (2.6, True), (2.75, False)])
-def test_a_body_did_not_slow_down_whose_last_step_changed_by_less_than_a_quarter(last_mm, found):
+@pytest.mark.parametrize(("last_mm", "found"), [(3.0, True), (1.55, True), (1.45, False)])
+def test_a_body_did_not_slow_down_whose_last_step_is_shorter_by_less_than_a_quarter(last_mm, found):
     tracks, noise_m = going([2.0] * 50 + [last_mm])
+    assert frozen_at_the_end(tracks, noise_m).any() == found
+
+
+@pytest.mark.parametrize(("steps", "found"), [(3, False), (4, True)])
+def test_a_body_that_had_just_begun_to_move_may_have_stopped(steps, found):
+    tracks, noise_m = going([0.0] * 10 + [2.0] * steps)
     assert frozen_at_the_end(tracks, noise_m).any() == found
 
 
