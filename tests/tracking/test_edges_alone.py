@@ -89,6 +89,22 @@ def test_a_body_beyond_reach_is_not_found_at_other_edges(alone):
     assert alone.measure(picture(BOX, grey=GREY), compose(POSE, step), [USUAL], SIZES) is None
 
 
+@pytest.mark.parametrize(("strip_px", "is_found"), [(0.0, True), (5.0, False)])
+def test_where_one_end_fades_into_the_floor_the_top_itself_confirms_the_other(strip_px, is_found):
+    """The side that is seen below that end has an edge as clear, and with no front edge all else fits with it."""
+    faint, strip_m = texture(mean=170.0, contrast=3.0, finest_m=0.5), strip_px * PIXEL_M
+    own = EdgesAlone(BOX, make_template(picture(BOX, grey=faint), BOX, POSE))
+    middle = np.array([0.6 - strip_m / 2, 0.0])
+
+    def grey(xy):
+        return np.where(xy[:, 0] + middle[0] < -0.6, 140.0, faint(xy + middle))
+
+    luma = picture(target(length=2.4 + strip_m), compose(POSE, np.array([*middle, 0.0])), grey)
+    found = own.measure(luma, compose(POSE, np.array([-strip_m, 0.0, 0.0])), [USUAL], SIZES)
+    assert (found is not None) == is_found
+    assert not is_found or BOX.apart_m(found.pose, POSE) < 0.5 * PIXEL_M
+
+
 def test_edges_stand_where_the_texture_of_the_registered_pictures_says(alone):
     """Edges that lay beside the texture's place all along lie beside it still."""
     beside = OutlineFit(np.array([0.5 * PIXEL_M, 0, 0]), USUAL.covariance)

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from painted import POSE
+from painted import CAMERA, FLOOR, POSE, picture
 from painted import target as painted_target
 
 from studies.worlds.scenes import CeilingCamera, ceiling, rectangle, small_camera, standard_scene
@@ -95,6 +95,26 @@ def test_a_top_measured_too_wide_is_registered_by_its_middle():
 def test_a_picture_without_edges_gives_none():
     flat = np.full((1080, 1920), 128, np.uint8)
     assert observe_outline(flat, PlanarTarget(Body("rover", 0.42, L_SHAPE), *ceiling()), np.zeros(3)) is None
+
+
+@pytest.mark.parametrize(("longer_m", "found"), [(0.0, True), (1.2, False)])
+def test_a_fit_tells_whether_something_was_found_of_each_side(longer_m, found):
+    """The front of a top that fades into the floor is not."""
+    middle = np.array([longer_m / 2, 0, 0])
+    luma = picture(painted_target(1.2 + longer_m), compose(POSE, middle), lambda xy: np.full(len(xy), 170.0))
+    assert observe_outline(luma, painted_target(), POSE).all_sides == found
+
+
+@pytest.mark.parametrize(("gap_rad", "found"), [(0.0, True), (0.6, True), (2.0, False)])
+def test_of_a_round_outline_what_faces_nearly_the_same_way_is_one_side(gap_rad, found):
+    turns = np.linspace(0, 2 * np.pi, 48, endpoint=False)
+    disc = PlanarTarget(Body("disc", 0.3, 0.5 * np.column_stack([np.cos(turns), np.sin(turns)])), CAMERA, FLOOR)
+
+    def grey(xy):
+        in_gap = np.abs(np.arctan2(*xy.T[::-1])) < gap_rad / 2
+        return np.where(in_gap | (np.hypot(*xy.T) > 0.5), 90.0, 170.0)
+
+    assert observe_outline(picture(disc, grey=grey), disc, POSE).all_sides == found
 
 
 def test_a_body_too_small_for_its_edges_is_refused():

@@ -94,7 +94,7 @@ class EdgesAlone:
                     return None
                 end, fit = compose(end, again.correction), again
             pose = compose(end, step_between(to_outline, np.zeros(3)))
-            if not self._shows(self.template, luma, pose):
+            if not self._shows(self.template, luma, pose, all_sides=fit.all_sides):
                 return None
             covariance = fit.covariance + edges(self.target, pose) + by_size(fit.size - np.median(sizes, axis=0))
             return ByEdges(pose, turned_covariance(covariance, pose[2]), inlier_fraction=0.0, to_outline=to_outline)
@@ -110,15 +110,22 @@ class EdgesAlone:
         name, count = self.target.body.name, len(self.pictures)
         return [finding("edges_alone", name=name, count=count, frames=frames)] if count else []
 
-    def _shows(self, template: Template, luma: Luma, pose: Array) -> bool:
-        """Whether a picture shows the template at a ``pose`` (3,): all as bright, and enough of its texture."""
+    def _shows(self, template: Template, luma: Luma, pose: Array, *, all_sides: bool) -> bool:
+        """Whether a picture shows the template at a ``pose`` (3,): all as bright, and enough of its texture.
+
+        Where edges were not found on ``all_sides``, nothing confirms the one opposite, and what lies inside has to be
+        explained by the template for the most part: a strip of floor beside the top is not.
+        """
         values = self.target.grey_values(luma, template.points, pose)
         known = values >= 0
         count = np.bincount(template.tile[known], minlength=template.tiles)
-        change = np.bincount(template.tile[known], (values - template.values)[known], template.tiles)
+        left_over = (values - template.values)[known]
+        change = np.bincount(template.tile[known], left_over, template.tiles)
         if (np.abs(change) > CONSTANTS.changed * np.maximum(count, 1)).any():
             return False
         share = template.tile_share if template.is_concentrated else np.ones(template.tiles)
         limits = ALIGNMENT.least_of_tile, ALIGNMENT.visible_tiles
         correlation = correlation_of_tiles(values, template.values, template.tile, share, *limits)
-        return bool(correlation >= TRACKER.least_correlation)
+        if correlation < TRACKER.least_correlation:
+            return False
+        return all_sides or bool(np.std(left_over) < np.std(template.values[known]))

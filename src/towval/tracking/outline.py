@@ -98,12 +98,14 @@ class OutlineFit:
     """Correction of a pose that moves the outline onto the edges.
 
     ``correction`` (3,) is a pose in the body frame: the true body frame is ``compose(pose, correction)``;
-    ``covariance`` (3, 3) its covariance; ``size`` (2,): by how much length and width are found other than stated [m].
+    ``covariance`` (3, 3) its covariance; ``size`` (2,): by how much length and width are found other than stated [m];
+    ``all_sides``: whether something was found of each side. Else nothing confirms the side opposite to one that is not.
     """
 
     correction: Array
     covariance: Array
     size: Array = field(default_factory=lambda: np.zeros(2))
+    all_sides: bool = True
 
     @property
     def largest_std_m(self) -> float:
@@ -205,7 +207,9 @@ def _fit_outline(
     clear = CONSTANTS.edge_noise_px * pixel_m * np.sqrt(CONSTANTS.noise_length_px * pixel_m / stretches.length)
     noise, shift = (clear, CONSTANTS.faint_noise_px / CONSTANTS.edge_noise_px), CONSTANTS.thin_shift_px * pixel_m
     covariance = covariance_kernel(rows, fit[1:], trust, known, noise, np.where(thin, shift, 0.0))
-    return OutlineFit(correction[:3], covariance[:3, :3], correction[3:] * width)
+    # A round outline has no sides: whatever faces nearly the same way counts as one.
+    alike = stretches.normal @ stretches.normal[fit[5] > 0].T > np.cos(CONSTANTS.sharp)
+    return OutlineFit(correction[:3], covariance[:3, :3], correction[3:] * width, bool(alike.any(axis=1).all()))
 
 
 def _trust(side_px: Array) -> tuple[Array, NDArray[np.bool_]]:
