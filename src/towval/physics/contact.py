@@ -233,13 +233,13 @@ def clipped_moments(
                     x0, y0 = x, y
                 else:
                     x1, y1 = x, y
-            if started:
-                add_edge_moments(m, last_x, last_y, x0, y0)
-            else:
+            if not started:
                 started, first_x, first_y = True, x0, y0
+            elif last_x != x0 or last_y != y0:
+                add_edge_moments(m, last_x, last_y, x0, y0)
             add_edge_moments(m, x0, y0, x1, y1)
             last_x, last_y = x1, y1
-        if started:
+        if last_x != first_x or last_y != first_y:
             add_edge_moments(m, last_x, last_y, first_x, first_y)
         start = end
 
