@@ -72,9 +72,9 @@ class Work(NamedTuple):
     its slopes [Pa/m]; ``moments`` (6,) of the area in contact; ``active`` (m, 9) and ``counts`` (3,): the parts that
     friction acts on, columns above, see ``contact_parts``; ``cut`` their edges where they are cut; ``sums`` (edges, 13)
     of the last pass over the boundary; ``accumulated`` (9,); ``corners`` (2, c, 2) of rings being clipped;
-    ``cut_nodes`` (k, 3) over the area of cut parts, as ``Soles.nodes``; ``friction_error`` (1,) relative, that may be
-    left where the contact is cut; ``hanging`` (5,) the last distance of a tether with mass and its forces, see
-    ``following_forces``.
+    ``cut_nodes`` (k, 3) over the area of cut parts, as ``Soles.nodes``; ``at_nodes`` (3, k) what a loop over nodes
+    leaves to the next; ``friction_error`` (1,) relative, that may be left where the contact is cut; ``hanging`` (5,)
+    the last distance of a tether with mass and its forces, see ``following_forces``.
     """
 
     matrices: Array
@@ -87,6 +87,7 @@ class Work(NamedTuple):
     accumulated: Array
     corners: Array
     cut_nodes: Array
+    at_nodes: Array
     friction_error: Array
     hanging: Array
 
@@ -164,6 +165,7 @@ def work_for(soles: Soles, regions: Regions, friction_error: float = 1e-12) -> W
     most = int(np.diff(regions.pieces[:, :2], axis=1).max()) if pieces else 0
     kept = 3 * n + 4  # A cut adds an edge to an edge at most, and a ring's seam.
     corners = kept * (1 + most)
+    most_nodes = 25 * (kept + pieces * corners)
     work = Work(
         matrices=np.zeros((6, 3, 3)),
         pressure=np.zeros(3),
@@ -174,7 +176,8 @@ def work_for(soles: Soles, regions: Regions, friction_error: float = 1e-12) -> W
         sums=np.zeros((n + kept + pieces * corners, 13)),
         accumulated=np.zeros(9),
         corners=np.zeros((2, corners, 2)),
-        cut_nodes=np.zeros((25 * (kept + pieces * corners), 3)),
+        cut_nodes=np.zeros((most_nodes, 3)),
+        at_nodes=np.zeros((3, max(most_nodes, len(soles.nodes)))),
         friction_error=np.array([friction_error]),
         hanging=np.zeros(5),
     )

@@ -83,10 +83,10 @@ def unit_wrenches(soles: Soles, table: Array, vx: float, vy: float, omega: float
             row[METHOD], row[FROM_NODE] = _CUT_NODES, filled
             filled = _fill_nodes(work, row, rule, filled)
             row[TO_NODE] = filled
-            _add_nodes(table, work.cut_nodes, row, vx, vy, omega, matrix)
+            _add_nodes(table, work.cut_nodes, row, vx, vy, omega, matrix, work.at_nodes)
         else:
             row[METHOD], row[FROM_NODE], row[TO_NODE] = _NODES, parts[part, NODES + rule], parts[part, NODES + rule + 1]
-            _add_nodes(table, soles.nodes, row, vx, vy, omega, matrix)
+            _add_nodes(table, soles.nodes, row, vx, vy, omega, matrix, work.at_nodes)
     if any_near:
         _about_origin(total, -vy / omega, vx / omega, 1.0 if omega > 0 else -1.0, matrix)
     if stretch != 1.0 or lever != 1.0:
@@ -152,14 +152,20 @@ def _add_column(total: Array, j: int, tx: float, ty: float, f_t: float, f_d: flo
 
 
 @compiled(allocates=False)
-def _add_nodes(table: Array, nodes: Array, row: Array, vx: float, vy: float, omega: float, matrix: Array) -> None:
-    """Add a part by nodes over its area: W is linear in eight moments of μ/s."""
-    weight = row[WEIGHT]
+def _add_nodes(
+    table: Array, nodes: Array, row: Array, vx: float, vy: float, omega: float, matrix: Array, kept: Array
+) -> None:
+    """Add a part by nodes over its area: W is linear in eight moments of μ/s.
+
+    One loop a step, not one for all: a processor looks only so far ahead, and then at more nodes at once.
+    """
+    weight, first, end = row[WEIGHT], np.uint64(row[FROM_NODE]), np.uint64(row[TO_NODE])
+    _speeds(nodes, first, end, vx, vy, omega, kept)
+    for i in range(first, end):
+        kept[1, i] = weight * nodes[i, 2] * coefficient_over_speed(table, kept[0, i])
     r_1 = r_x = r_y = r_xx = r_xy = r_yy = r_xr = r_yr = 0.0
-    for i in range(np.uint64(row[FROM_NODE]), np.uint64(row[TO_NODE])):
-        x, y = nodes[i, 0], nodes[i, 1]
-        ux, uy = vx - omega * y, vy + omega * x
-        ratio = weight * nodes[i, 2] * coefficient_over_speed(table, math.sqrt(ux * ux + uy * uy))
+    for i in range(first, end):
+        x, y, ratio = nodes[i, 0], nodes[i, 1], kept[1, i]
         ratio_x, ratio_y = ratio * x, ratio * y
         xx, yy = ratio_x * x, ratio_y * y
         r_1 += ratio
@@ -179,6 +185,13 @@ def _add_nodes(table: Array, nodes: Array, row: Array, vx: float, vy: float, ome
     matrix[0, 2] -= vx * r_y - omega * r_yy
     matrix[1, 2] -= vy * r_y + omega * r_xy
     matrix[2, 2] -= vy * r_xy - vx * r_yy + omega * r_yr
+
+
+@compiled(allocates=False, inline="always")
+def _speeds(nodes: Array, first: np.uint64, end: np.uint64, vx: float, vy: float, omega: float, kept: Array) -> None:
+    for i in range(first, end):
+        ux, uy = vx - omega * nodes[i, 1], vy + omega * nodes[i, 0]
+        kept[0, i] = math.sqrt(ux * ux + uy * uy)
 
 
 @compiled(allocates=False)
@@ -213,23 +226,43 @@ def _fill_nodes(work: Work, row: Array, rule: int, n: int) -> int:
     return n
 
 
-@compiled(allocates=False, inline="always")
+@compiled(allocates=False)
 def _add_node_slopes(
-    table: Array, x: float, y: float, force: float, vx: float, vy: float, omega: float, slopes: Array
+    table: Array,
+    nodes: Array,
+    row: Array,
+    plane: tuple[float, float, float],
+    vx: float,
+    vy: float,
+    omega: float,
+    slopes: Array,
+    kept: Array,
 ) -> None:
-    ux, uy = vx - omega * y, vy + omega * x
-    speed = math.sqrt(ux * ux + uy * uy)
-    inverse = 1 / speed if speed > 0 else 0.0
-    ratio, slope = ratio_and_slope(table, speed, inverse)
-    nx, ny, steeper = ux * inverse, uy * inverse, force * (slope - ratio)
-    ratio *= force
-    lever = x * ny - y * nx
-    slopes[0, 0] -= ratio + steeper * nx * nx
-    slopes[0, 1] -= steeper * nx * ny
-    slopes[1, 1] -= ratio + steeper * ny * ny
-    slopes[0, 2] -= steeper * nx * lever - ratio * y
-    slopes[1, 2] -= steeper * ny * lever + ratio * x
-    slopes[2, 2] -= ratio * (x * x + y * y) + steeper * lever * lever
+    """Add a part by nodes over its area, under the pressure of a ``plane``, as :func:`_add_nodes`."""
+    weight, first, end = row[WEIGHT], np.uint64(row[FROM_NODE]), np.uint64(row[TO_NODE])
+    _speeds(nodes, first, end, vx, vy, omega, kept)
+    for i in range(first, end):
+        speed = kept[0, i]
+        inverse = 1 / speed if speed > 0 else 0.0
+        ratio, slope = ratio_and_slope(table, speed, inverse)
+        kept[0, i], kept[1, i], kept[2, i] = inverse, ratio, slope - ratio
+    xx, xy, yy, x_omega, y_omega, omegas = (
+        slopes[0, 0], slopes[0, 1], slopes[1, 1], slopes[0, 2], slopes[1, 2], slopes[2, 2],
+    )  # fmt: skip
+    for i in range(first, end):
+        x, y, inverse = nodes[i, 0], nodes[i, 1], kept[0, i]
+        force = weight * nodes[i, 2] * (plane[0] + plane[1] * x + plane[2] * y)
+        nx, ny, steeper = (vx - omega * y) * inverse, (vy + omega * x) * inverse, force * kept[2, i]
+        ratio = kept[1, i] * force
+        lever = x * ny - y * nx
+        xx -= ratio + steeper * nx * nx
+        xy -= steeper * nx * ny
+        yy -= ratio + steeper * ny * ny
+        x_omega -= steeper * nx * lever - ratio * y
+        y_omega -= steeper * ny * lever + ratio * x
+        omegas -= ratio * (x * x + y * y) + steeper * lever * lever
+    slopes[0, 0], slopes[0, 1], slopes[1, 1] = xx, xy, yy
+    slopes[0, 2], slopes[1, 2], slopes[2, 2] = x_omega, y_omega, omegas
 
 
 @compiled(allocates=False)
@@ -250,11 +283,8 @@ def wrench_slopes(soles: Soles, table: Array, vx: float, vy: float, omega: float
             any_near = True
             _add_boundary_slopes(soles, row, gx, gy, vx, vy, omega, work)
         elif row[METHOD] != _LEFT_OUT:
-            nodes = work.cut_nodes if row[METHOD] == _CUT_NODES else soles.nodes
-            for i in range(int(row[FROM_NODE]), int(row[TO_NODE])):
-                x, y = nodes[i, 0], nodes[i, 1]
-                force = row[WEIGHT] * nodes[i, 2] * (pressure[0] + gx * x + gy * y)
-                _add_node_slopes(table, x, y, force, vx, vy, omega, slopes)
+            nodes, plane = work.cut_nodes if row[METHOD] == _CUT_NODES else soles.nodes, (pressure[0], gx, gy)
+            _add_node_slopes(table, nodes, row, plane, vx, vy, omega, slopes, work.at_nodes)
     if any_near:
         _complete_slopes(total, vx, vy, omega, gx, gy, slopes)
     slopes[0, 0] /= stretch
