@@ -42,16 +42,16 @@ def coded_video(video: Video) -> CodedVideo | None:
             stream = shown(film)
             context, base = stream.codec_context, stream.time_base
             # A configuration record begins with its version; a stream that has none is in Annex B form already.
-            if context.name not in _PASSED_ON or base is None or (context.extradata or b"")[:1] != b"\x01":
+            stored = context.name in _PASSED_ON and (context.extradata or b"")[:1] == b"\x01"
+            # Times may be stored in coding order although pictures are coded out of it: some writers of MP4 do that.
+            if not stored or base is None or context.has_b_frames:
                 return None
             packets = [(p.pts, p.is_keyframe, p.is_discard, p.is_corrupt) for p in film.demux(stream) if p.size]
             as_stored = (video.tagged_turns() + video.quarter_turns) % 4 == 0
     except (av.FFmpegError, LookupError, StopIteration):
         return None
     pts = [each[0] for each in packets]
-    # Times may be stored in coding order although pictures are coded out of it: some writers of MP4 do that.
-    in_order = not context.has_b_frames and as_stored
-    if not in_order or None in pts or not packets[0][1] or any(discard or corrupt for *_, discard, corrupt in packets):
+    if not as_stored or None in pts or not packets[0][1] or any(discard or corrupt for *_, discard, corrupt in packets):
         return None
     time_s = np.array([float(each * base) for each in pts if each is not None])
     return CodedVideo(video, _PASSED_ON[context.name][0], time_s) if (np.diff(time_s) > 0).all() else None
