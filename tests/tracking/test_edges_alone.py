@@ -105,6 +105,22 @@ def test_where_one_end_fades_into_the_floor_the_top_itself_confirms_the_other(st
     assert not is_found or BOX.apart_m(found.pose, POSE) < 0.5 * PIXEL_M
 
 
+def test_a_shadow_over_a_part_of_a_top_of_which_one_end_fades_into_the_floor_is_not_left_over():
+    faint = texture(mean=170.0, contrast=3.0, finest_m=0.5)
+    own = EdgesAlone(BOX, make_template(picture(BOX, grey=faint), BOX, POSE))
+
+    middle = np.array([0.6, 0.0])
+
+    def shaded(xy):
+        at = xy + middle
+        return np.where(at[:, 0] < -0.6, 140.0, faint(at)) - 15 / (1 + np.exp(-at[:, 1] / 0.1))
+
+    luma = picture(target(length=2.4), compose(POSE, np.array([*middle, 0.0])), shaded)
+    found = own.measure(luma, POSE, [USUAL], SIZES)
+    assert found is not None
+    assert BOX.apart_m(found.pose, POSE) < 0.5 * PIXEL_M
+
+
 def test_edges_stand_where_the_texture_of_the_registered_pictures_says(alone):
     """Edges that lay beside the texture's place all along lie beside it still."""
     beside = OutlineFit(np.array([0.5 * PIXEL_M, 0, 0]), USUAL.covariance)

@@ -128,4 +128,6 @@ class EdgesAlone:
         correlation = correlation_of_tiles(values, template.values, template.tile, share, *limits)
         if correlation < TRACKER.least_correlation:
             return False
+        # A shadow is not left over, as in the alignment: each tile has its light.
+        left_over -= (change / np.maximum(count, 1))[template.tile[known]]
         return all_sides or bool(np.std(left_over) < np.std(template.values[known]))
