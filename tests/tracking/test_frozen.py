@@ -87,3 +87,13 @@ def test_a_film_in_which_nothing_moves_or_is_seen_freezes_nowhere():
     nowhere = np.full((71, 3), np.nan)
     lost = {name: replace(each, pose=nowhere, status=np.full(71, TrackStatus.LOST)) for name, each in tracks.items()}
     assert not frozen_at_the_end(lost, noise_m).any()
+
+
+def test_a_body_that_drives_out_of_the_picture_freezes_nothing():
+    tracks, noise_m = going([2.0] * 50)
+    out = np.arange(71) > 50
+    pose = np.where(out[:, None], np.nan, tracks["rover"].pose)
+    status = np.where(out, TrackStatus.LOST, TrackStatus.TRACKED)
+    assert frozen_at_the_end(tracks, noise_m).any()
+    tracks["rover"] = replace(tracks["rover"], pose=pose, status=status)
+    assert not frozen_at_the_end(tracks, noise_m).any()

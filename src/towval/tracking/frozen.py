@@ -46,5 +46,7 @@ def frozen_at_the_end(tracks: Mapping[str, Track], noise_m: Mapping[str, float])
         velocity = step / np.diff(time_s[around])[:, None]
         mean = velocity[:-1].mean(axis=0)
         moved = np.linalg.norm(step, axis=1).min() > c.least_deviations * noise_m[name]
-        frozen[first + 1 :] |= moved and velocity[-1] @ mean > (1 - c.slower) * (mean @ mean)
+        # What drives out of the picture was seen no more.
+        stands = tracks[name].seen[first + 1 :].any()
+        frozen[first + 1 :] |= stands and moved and velocity[-1] @ mean > (1 - c.slower) * (mean @ mean)
     return frozen
