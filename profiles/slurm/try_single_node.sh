@@ -17,6 +17,10 @@ if ! command -v snakemake > /dev/null; then
     echo "snakemake is not on the path: activate the environment with towval[slurm], and keep PATH as in the line above" >&2
     exit 1
 fi
+if ! snakemake --help | grep -q "executor {.*slurm"; then
+    echo "this snakemake has no executor slurm: pip install 'towval[slurm]' into its environment" >&2
+    exit 1
+fi
 
 repository=$(cd "$(dirname "$0")/../.." && pwd)
 if ! command -v slurmctld slurmd munged > /dev/null; then
