@@ -17,7 +17,8 @@ if ! command -v snakemake > /dev/null; then
     echo "snakemake is not on the path: activate the environment with towval[slurm], and keep PATH as in the line above" >&2
     exit 1
 fi
-if ! snakemake --help | grep -q "executor {.*slurm"; then
+# To the end: a reader that left early would fail the pipe.
+if ! snakemake --help | grep "executor {.*slurm" > /dev/null; then
     echo "this snakemake has no executor slurm: pip install 'towval[slurm]' into its environment" >&2
     exit 1
 fi

@@ -108,7 +108,6 @@ def test_where_one_end_fades_into_the_floor_the_top_itself_confirms_the_other(st
 def test_a_shadow_over_a_part_of_a_top_of_which_one_end_fades_into_the_floor_is_not_left_over():
     faint = texture(mean=170.0, contrast=3.0, finest_m=0.5)
     own = EdgesAlone(BOX, make_template(picture(BOX, grey=faint), BOX, POSE))
-
     middle = np.array([0.6, 0.0])
 
     def shaded(xy):

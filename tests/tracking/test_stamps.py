@@ -210,7 +210,10 @@ def test_a_picture_that_is_frozen_for_a_while_is_found(frozen, lost):
 
 @pytest.mark.parametrize("moved_s", [0.42, 2.02, 6.02])
 def test_a_film_that_shows_a_rest_but_for_a_short_drive_freezes_nowhere(moved_s):
-    """Of two minutes: at less than a twentieth of it, what a body usually does in a step is nothing."""
+    """Of two minutes: at less than a twentieth of it, what a body usually does in a step is nothing.
+
+    It ends between two pictures; out of a whole step the picture could have frozen.
+    """
     stamps_s = np.arange(3000) / 25
     true_s = np.clip(stamps_s - 60, 0, moved_s)
     assert codes(filmed(true_s, stamps_s)) == []

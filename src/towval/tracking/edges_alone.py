@@ -113,8 +113,8 @@ class EdgesAlone:
     def _shows(self, template: Template, luma: Luma, pose: Array, *, all_sides: bool) -> bool:
         """Whether a picture shows the template at a ``pose`` (3,): all as bright, and enough of its texture.
 
-        Where edges were not found on ``all_sides``, nothing confirms the one opposite, and what lies inside has to be
-        explained by the template for the most part: a strip of floor beside the top is not.
+        Where edges were not found on ``all_sides``, nothing confirms the one opposite. Then what the template leaves of
+        the picture has to scatter less than the template does: a strip of floor beside the top scatters more.
         """
         values = self.target.grey_values(luma, template.points, pose)
         known = values >= 0
