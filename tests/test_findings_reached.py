@@ -30,12 +30,10 @@ def test_clicks_that_miss_the_corners_are_reported_and_far_ones_refused():
 
 
 def test_a_body_without_edges_rests_on_its_clicks():
-    follower = SimpleNamespace(
-        outline_fits=[], start_covariance=4e-6 * np.eye(3), target=SimpleNamespace(body=BODY), findings=[]
-    )
-    assert Follower._registration(follower) is None
-    assert follower.findings[0].code == "edges_not_found"
-    assert "(2.0 mm)" in follower.findings[0].text
+    follower = SimpleNamespace(start_covariance=4e-6 * np.eye(3), target=SimpleNamespace(body=BODY))
+    (found,) = Follower._judge_registration(follower, None, np.zeros(2))
+    assert found.code == "edges_not_found"
+    assert "(2.0 mm)" in found.text
 
 
 def test_a_plain_floor_does_not_show_a_motion_of_the_camera():

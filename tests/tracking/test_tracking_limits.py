@@ -27,6 +27,7 @@ from towval.tracking.outline_search import OutlineSearch
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.plane_tracker import PlaneTracker, _Response
 from towval.tracking.pose import Measurement, Motion, Tracker
+from towval.tracking.registration import registration
 from towval.tracking.relocalisation import Candidate, Lookalikes, Relocaliser
 from towval.tracking.template import clearance_m, make_template
 from towval.tracking.track import TrackSettings, _sample_findings
@@ -446,16 +447,18 @@ def test_fits_of_the_registration_are_as_unsure_as_where_the_clicks_led_makes_th
 @pytest.mark.parametrize(("correction_px", "found"), [(2.5, True), (4.0, False)])
 def test_a_registration_is_near_the_clicks(follower, correction_px, found):
     fit = OutlineFit(np.array([correction_px * PIXEL_M, 0, 0]), 1e-8 * np.eye(3))
-    follower.outline_fits = [fit]
-    assert (follower._registration() is not None) == found
-    assert ("edges_not_found" in {finding.code for finding in follower.findings}) != found
+    fit = registration([fit], np.zeros((1, 3, 3)), np.zeros(2), np.zeros((3, 3)), PIXEL_M)
+    assert (fit is not None) == found
+    findings = follower._judge_registration(fit, np.zeros(2))
+    assert ("edges_not_found" in {finding.code for finding in findings}) != found
 
 
 @pytest.mark.parametrize(("std_px", "unsure"), [(0.12, False), (0.2, True)])
 def test_a_registration_that_edges_leave_open_is_flagged(follower, std_px, unsure):
-    follower.outline_fits = [OutlineFit(np.zeros(3), (std_px * PIXEL_M) ** 2 * np.eye(3))]
-    follower._registration()
-    assert ("edges_unsure" in {finding.code for finding in follower.findings}) == unsure
+    fit = OutlineFit(np.zeros(3), (std_px * PIXEL_M) ** 2 * np.eye(3))
+    findings = follower._judge_registration(fit, np.array([0.0012, -0.0008]))
+    assert [finding.code for finding in findings] == (["edges_unsure"] if unsure else [])
+    assert all("length +1.2 mm, width -0.8 mm" in finding.text for finding in findings)
 
 
 def test_clicks_that_miss_their_corners_are_flagged_and_of_another_body_refused():

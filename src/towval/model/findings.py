@@ -267,8 +267,8 @@ register(  # track
     FindingType(
         "edges_unsure", "track", WARNING, NONE,
         "The edges of {name} do not fix its place in one direction: its frame is known to {std_mm:.1f} mm at best "
-        "there. Begin the run at rest or use a shorter exposure: its edges must be sharp in some pictures, and stand "
-        "out from the floor.",
+        "there. They must be sharp in some pictures and stand out from the floor (begin the run at rest, use a shorter "
+        "exposure), and as far apart as top_corners_m says: length {length_mm:+.1f} mm, width {width_mm:+.1f} mm.",
     ),
     FindingType(
         "lengths_differ", "track", WARNING, WIDENS_CAMERA,

@@ -1,7 +1,7 @@
 """One body followed through a video: prediction, measurement, acceptance, and the record."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,21 +17,14 @@ from towval.tracking.fields import Fields
 from towval.tracking.jumps import jump_findings
 from towval.tracking.known_lengths import lift_findings
 from towval.tracking.noise import as_when_moving, hold_rest, scatter_factors, steadied
-from towval.tracking.outline import (
-    OutlineFit,
-    as_begun,
-    combine_fits,
-    judge_clicks,
-    observe_outline,
-    observe_size,
-    pose_from_clicks,
-)
+from towval.tracking.outline import OutlineFit, as_begun, judge_clicks, observe_outline, observe_size, pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Motion, Tracker, as_tracker, step_between
 from towval.tracking.record import Record
+from towval.tracking.registration import registration
 from towval.tracking.relocalisation import Candidate, Lookalikes, Relocaliser
 from towval.tracking.template import Luma
-from towval.tracking.two_measurements import EdgeWatch, by_size, compared, edges
+from towval.tracking.two_measurements import EdgeWatch, compared, edges
 from towval.tracking.warped_top import WarpedTop
 
 TrackerMaker = Callable[[PlanarTarget, Luma, Array], Tracker]
@@ -43,7 +36,6 @@ class FollowConstants:
 
     outline_every_s: float = 0.5  # [s] Between pictures whose edges are fitted, at first;
     outline_doubled_after: int = 12  # doubled after each dozen, so that a long video costs little more.
-    farthest_correction_px: float = 3.0  # [px] Of the registration by all edges: clicks are that good.
     unsure_edges_px: float = 0.15  # [px] Deviation: sharp edges give up to 0.1, blurred ones 0.2 and more.
     most_acceleration: float = 5.0  # [m/s²] ASSUME: half of gravity, more than wheels or a tether give.
     surprise_px: float = 3.0  # [px] From the prediction, beyond what acceleration explains.
@@ -407,12 +399,13 @@ class Follower:
         """Poses and covariances with what the outline says of them, and the registration."""
         looks = self.edge_watch.looks()
         if not len(looks.picture):
-            return pose, covariance, self._registration()
+            self.findings += self._judge_registration(None, np.zeros(2))
+            return pose, covariance, None
         seen = compared(time_s, pose, covariance, looks, edges(self.target, self.first_pose))
         self.findings += lift_findings(self.target, time_s[looks.picture], pose[looks.picture], looks.size)
-        sizes = np.array([one.size for one in self.outline_fits]).reshape(-1, 2)
-        of_size = by_size(sizes - np.median(looks.size, axis=0))
-        fit = self._registration((seen.excess + seen.hops)[self.fitted_in] + of_size, seen.strayed)
+        excess, usual_m = (seen.excess + seen.hops)[self.fitted_in], np.median(looks.size, axis=0)
+        fit = registration(self.outline_fits, excess, usual_m, seen.strayed, self.pixel_m)
+        self.findings += self._judge_registration(fit, usual_m)
         std_m = float(np.percentile(np.sqrt(np.linalg.eigvalsh(seen.excess[looks.picture, :2, :2])[:, -1]), 95))
         if std_m > CONSTANTS.unsure_edges_px * self.pixel_m:
             self.findings.append(finding("texture_unsure", name=self.target.body.name, std_mm=1000 * std_m))
@@ -421,17 +414,15 @@ class Follower:
         seen.steps[alone], widened[alone] = self.edges_alone.steps(fit), covariance[alone]
         return compose(pose, seen.steps), widened, fit
 
-    def _registration(self, excess: Array | None = None, strayed: Array | float = 0.0) -> OutlineFit | None:
+    def _judge_registration(self, fit: OutlineFit | None, usual_m: Array) -> list[Finding]:
+        """Findings about edges, whose length and width are usually ``usual_m`` (2,) more than those of the top."""
         name = self.target.body.name
-        fit = combine_fits(self.outline_fits, excess) if self.outline_fits else None
-        if fit is None or np.linalg.norm(fit.correction[:2]) >= CONSTANTS.farthest_correction_px * self.pixel_m:
-            std_mm = 1000 * np.sqrt(self.start_covariance[0, 0])
-            self.findings.append(finding("edges_not_found", name=name, std_mm=std_mm))
-            return None
-        fit = replace(fit, covariance=fit.covariance + strayed)
-        if fit.largest_std_m > CONSTANTS.unsure_edges_px * self.pixel_m:
-            self.findings.append(finding("edges_unsure", name=name, std_mm=1000 * fit.largest_std_m))
-        return fit
+        if fit is None:
+            return [finding("edges_not_found", name=name, std_mm=1000 * np.sqrt(self.start_covariance[0, 0]))]
+        if fit.largest_std_m <= CONSTANTS.unsure_edges_px * self.pixel_m:
+            return []
+        std_mm, length_mm, width_mm = 1000 * np.array([fit.largest_std_m, *usual_m])
+        return [finding("edges_unsure", name=name, std_mm=std_mm, length_mm=length_mm, width_mm=width_mm)]
 
     def _judge_observations(self, time_s: Array, covariance: Array, status: NDArray[np.uint8]) -> list[Finding]:
         """Findings about frames without an observation, and about a target too plain to be tracked well."""
