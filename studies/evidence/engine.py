@@ -19,7 +19,7 @@ from towval.tracking.planar_target import PlanarTarget
 from towval.validation import compare
 
 _HERE = sys.modules[__name__]
-_SEEDS = range(1401, 1411)
+_SEEDS = range(1421, 1431)
 _LOWER_M = 0.02
 
 
