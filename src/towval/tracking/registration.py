@@ -13,9 +13,10 @@ from towval.tracking.two_measurements import by_size
 
 @dataclass(frozen=True)
 class RegistrationConstants:
-    """Tuned constant of the registration; its length in pixels is measured on the planar target."""
+    """Tuned constants of the registration; lengths in pixels are measured on the planar target."""
 
     farthest_correction_px: float = 3.0  # [px] By all edges: clicks are that good.
+    apart_px: float = 0.25  # [px] By which length or width may be off: by 0.2 where a thin strip of the side shows.
 
 
 CONSTANTS = RegistrationConstants()
@@ -26,10 +27,11 @@ def registration(
 ) -> OutlineFit | None:
     """The body frame by the ``fits`` of a run's outlines; None where they show none.
 
-    Of two opposite sides, one may be something else's: then the middle is off by half of what they are too far apart. A
-    picture in which they are counts less. What they usually are, ``usual_m`` (2,) in length and width, counts once. An
-    edge that is not sharp, though, stands inside by as much on all sides, and moves no middle: what length and width
-    have in common is left out, unless they are larger than stated.
+    A picture counts less in which length and width are not what they usually are: by ``usual_m`` (2,) more than stated.
+    Where that is more than edges stand off, one of two opposite sides may usually be something else's, and the middle
+    off by half of it: then stated lengths take the place of usual ones, and what these are off counts once for all
+    pictures. An edge that is not sharp, though, stands inside by as much on all sides, and moves no middle: what length
+    and width have in common is left out, unless they are larger than stated.
 
     ``excess`` (n, 3, 3): covariances of the poses at which the outlines were fitted, of each picture; ``strayed``
     (3, 3): covariance of outlines that may be others'; ``pixel_m``: width of a pixel on the target [m].
@@ -37,10 +39,12 @@ def registration(
     if not fits:
         return None
     common = min(0.0, float(np.mean(usual_m)))
-    fit = combine_fits(fits, excess + by_size(np.array([one.size for one in fits]) - common))
+    apart = bool(np.abs(usual_m - common).max() > CONSTANTS.apart_px * pixel_m)
+    expected = np.full(2, common) if apart else usual_m
+    fit = combine_fits(fits, excess + by_size(np.array([one.size for one in fits]) - expected))
     if np.linalg.norm(fit.correction[:2]) >= CONSTANTS.farthest_correction_px * pixel_m:
         return None
     # Of two that stand off their mean, each is off by more than that, in the mean square twice.
-    of_all = by_size(np.sqrt(2) * (usual_m - common))
+    of_sides = by_size(np.sqrt(2) * (usual_m - expected))
     # The noise of edges makes sides longer, too, and is in the covariance already.
-    return replace(fit, covariance=fit.covariance + strayed + beyond(of_all[None], fit.covariance[None], 1.0)[0])
+    return replace(fit, covariance=fit.covariance + strayed + beyond(of_sides[None], fit.covariance[None], 1.0)[0])
