@@ -105,5 +105,15 @@ def test_an_edge_taken_for_the_tops_is_within_the_stated_deviation(strip_grey, s
     assert abs(sure.correction[1]) < 2 * np.sqrt(sure.covariance[1, 1])
 
 
+@pytest.mark.parametrize(("theirs", "left_out"), [(0, 0.0), (1, 0.25), (2, 0.4)])
+def test_fits_that_are_left_out_count_by_the_share_of_what_they_know(theirs, left_out):
+    rng = np.random.default_rng(4)
+    there = np.array([3e-3, 1e-3])
+    corrections = [*(1e-5 * rng.standard_normal((3, 2))), *(there + 1e-5 * rng.standard_normal((theirs, 2)))]
+    fit = registered(fits_of(corrections, np.zeros((3 + theirs, 2))), (0.0, 0.0))
+    assert np.abs(fit.correction[:2]).max() < 2e-5
+    assert fit.covariance[:2, :2] == pytest.approx(left_out * np.outer(there, there), rel=0.03, abs=1e-9)
+
+
 def test_a_registration_needs_an_outline():
     assert registered([], (0.0, 0.0)) is None

@@ -392,6 +392,23 @@ def combine_fits(fits: Sequence[OutlineFit], further: Array | None = None) -> Ou
     return OutlineFit(mean, covariance)
 
 
+def astray(fits: Sequence[OutlineFit], further: Array, together: OutlineFit) -> Array:
+    """Covariance (3, 3) of a registration ``together`` for the fits that did not count in it, as :func:`combine_fits`.
+
+    Fits that differ cannot all be right, and how much each knows is as good a chance as any that it is: so it is the
+    square of how far those left out are off, by the share of what all know of that direction.
+    """
+    corrections = np.array([fit.correction for fit in fits])
+    covariances: Array = np.array([fit.covariance for fit in fits]) + further
+    information = np.linalg.inv(covariances)
+    out = ~_agreeing(corrections, covariances, information)
+    if not out.any():
+        return np.zeros((3, 3))
+    theirs, every = information[out].sum(axis=0), information.sum(axis=0)
+    off = np.linalg.solve(theirs, np.einsum("nij,nj->i", information[out], corrections[out] - together.correction))
+    return np.asarray(off @ theirs @ off / (off @ every @ off) * np.outer(off, off))
+
+
 def _agreeing(corrections: Array, covariances: Array, information: Array) -> NDArray[np.bool_]:
     """Which corrections (n, 3) are no farther from their middle than chance, or most of them, by what each knows."""
     weight = 1 / np.diagonal(covariances, axis1=1, axis2=2)

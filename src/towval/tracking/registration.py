@@ -7,7 +7,7 @@ import numpy as np
 
 from towval.model import Array
 from towval.tracking.noise import beyond
-from towval.tracking.outline import OutlineFit, combine_fits
+from towval.tracking.outline import OutlineFit, astray, combine_fits
 from towval.tracking.two_measurements import by_size
 
 
@@ -41,10 +41,12 @@ def registration(
     common = min(0.0, float(np.mean(usual_m)))
     apart = bool(np.abs(usual_m - common).max() > CONSTANTS.apart_px * pixel_m)
     expected = np.full(2, common) if apart else usual_m
-    fit = combine_fits(fits, excess + by_size(np.array([one.size for one in fits]) - expected))
+    excess = excess + by_size(np.array([one.size for one in fits]) - expected)
+    fit = combine_fits(fits, excess)
     if np.linalg.norm(fit.correction[:2]) >= CONSTANTS.farthest_correction_px * pixel_m:
         return None
     # Of two that stand off their mean, each is off by more than that, in the mean square twice.
     of_sides = by_size(np.sqrt(2) * (usual_m - expected))
     # The noise of edges makes sides longer, too, and is in the covariance already.
-    return replace(fit, covariance=fit.covariance + strayed + beyond(of_sides[None], fit.covariance[None], 1.0)[0])
+    doubts = beyond(of_sides[None], fit.covariance[None], 1.0)[0] + astray(fits, excess, fit)
+    return replace(fit, covariance=fit.covariance + strayed + doubts)
