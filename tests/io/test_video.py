@@ -98,8 +98,11 @@ def test_a_truncated_file_says_how_much_is_good(tmp_path):
     with pytest.raises(InputError, match=r"damaged or truncated.*\n.*of 40 frames are good, up to") as caught:
         read(tmp_path / "a.mp4")
     assert "damaged_video: true" in str(caught.value)
+    with pytest.raises(InputError, match=r"\(the file ends early\)\n.*of 40 pictures can be found"):
+        Video(tmp_path / "a.mp4").stamps_s()
     video, good = read(tmp_path / "a.mp4", damaged=True)
     assert 10 < len(good) < 40
+    assert 10 < len(video.stamps_s()) < 40
     assert [f.code for f in video.findings] == ["video_damaged"]
     assert f"{len(good)} of 40" in video.findings[0].text
 
@@ -211,7 +214,7 @@ def test_pictures_that_cannot_be_found_are_said_by_whoever_reads_their_times(tmp
     write_video(tmp_path / "a.mp4", pictures(20))
     opened = Video.opened
     monkeypatch.setattr(Video, "opened", lambda self: BrokenOff(opened(self)))
-    with pytest.raises(InputError, match=r"damaged or truncated \(Invalid data\)\n.*7 pictures can be found"):
+    with pytest.raises(InputError, match=r"damaged or truncated \(Invalid data\)\n.*7 of 20 pictures can be found"):
         Video(tmp_path / "a.mp4").stamps_s()
     with pytest.raises(InputError, match="damaged or truncated"):
         read(tmp_path / "a.mp4")

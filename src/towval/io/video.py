@@ -137,7 +137,7 @@ class Video:
                 return
         if self.decoded_frames == 0:
             raise InputError(f"{self.path.name} holds no frame that decodes", remedy="copy the file again")
-        if is_cut_off(self.path) or not self._reached_the_end():
+        if is_cut_off(self.path) or not self._reached_the_end(self.decoded_frames, self.last_time_s):
             self._damage(_CUT_OFF)
 
     def turned(self, quarter_turns: int) -> "Video":
@@ -195,19 +195,23 @@ class Video:
         with self.opened() as container:
             base = shown(container).time_base
         pts, reason = self._stored_pts()
+        # Of an MP4 file that was copied in part FFmpeg finds what is there, and raises nothing.
+        if pts and not reason and not self._reached_the_end(len(pts), _seconds(max(pts), base)):
+            reason = _CUT_OFF
         if reason and not self.go_on_when_damaged:
-            raise self._damaged(reason, f"{len(pts)} pictures can be found")
+            claimed = "" if self.header.frames is None else f" of {self.header.frames}"
+            raise self._damaged(reason, f"{len(pts)}{claimed} pictures can be found")
         return np.array([_seconds(each, base) for each in sorted(pts)], dtype=np.float64)
 
-    def _reached_the_end(self) -> bool:
-        """Whether all frames of the header were decoded, or the last is where it says the video ends.
+    def _reached_the_end(self, count: int, last_time_s: float) -> bool:
+        """Whether all frames of the header were found, or the last is where it says the video ends.
 
         AVI counts repeated pictures as frames, MP4 those that an edit list cuts off. Where such a list begins within a
         picture FFmpeg leaves that out and begins with the next, so that the pictures end by less than one step earlier.
         """
-        if self.header.frames is None or self.decoded_frames >= self.header.frames:
+        if self.header.frames is None or count >= self.header.frames:
             return True
-        return self.last_time_s + _LAST_STEPS / self.header.rate_hz >= self.header.end_s
+        return last_time_s + _LAST_STEPS / self.header.rate_hz >= self.header.end_s
 
     def _stored_pts(self) -> tuple[list[int], str]:
         """Times of the stored pictures, and why the file cannot be read beyond them; empty where it can."""
