@@ -22,6 +22,21 @@ def test_a_refusal_is_one_message(last):
     assert "Traceback" not in reported[1]
 
 
+def test_a_file_that_is_missing_is_no_lack_of_room():
+    last = "FileNotFoundError: [Errno 2] No such file or directory: 'settings.yaml'\n"
+    (told,) = _system_errors_reported([*FRAMES, last])
+    assert "'settings.yaml'\n  what to do: correct that path" in told
+
+
+@pytest.mark.parametrize("program", ["__main__.py", "python3 -m snakemake", "snakemake"])
+def test_an_option_that_snakemake_refuses_is_one_line(program):
+    """It printed all of its options before, more than a hundred lines."""
+    usage = [f"usage: {program} [-h] [--dry-run]\n", "    [--cores N]\n", "    [targets ...]\n"]
+    lines = ["track a: error: lost\n", *usage, f"{program}: error: unrecognized arguments: --frobnicate\n"]
+    told = "towval: Snakemake refuses its options: unrecognized arguments: --frobnicate\n"
+    assert list(_system_errors_reported(lines)) == ["track a: error: lost\n", told]
+
+
 def test_a_log_that_cannot_be_written_is_told_once():
     """Each line of the log that a full disk refuses brought its traceback, call stack and arguments."""
     full = "OSError: [Errno 28] No space left on device\n"

@@ -71,6 +71,14 @@ def test_the_sample_is_planned_whole(tmp_path):
     assert not (tmp_path / "results" / "sample").exists()
 
 
+def test_a_target_is_planned_alone(tmp_path):
+    """It was taken for a value of the option --quiet, and refused."""
+    done = towval(tmp_path, "run", SAMPLE, "--cores", 1, "--snakemake", "overlay --dry-run")
+    assert done.returncode == 0, done.stderr
+    assert "draw the outlines onto the footage" in done.stderr
+    assert "figures, summary and report" not in done.stdout + done.stderr
+
+
 def test_a_stage_runs_with_the_settings_given(tmp_path):
     options = ("--set", "calibrate.folds=3", "--set", "preset=draft", "--snakemake=--until calibrate")
     done = towval(tmp_path, "run", SAMPLE, "--cores", 1, "--results", "out", *options)
@@ -125,6 +133,7 @@ def test_options_for_snakemake_with_an_open_quote_are_told():
         ("-Utrack", "total        0\n", False, False),
         ("--keep-going --omit-from=report", "total        0\n", False, False),
         ("--until report", "total        1\n", True, True),
+        ("overlay", "Nothing to be done\n", False, False),
     ],
 )
 def test_an_outcome_is_stated_for_what_was_made_or_is_up_to_date(tmp_path, monkeypatch, options, said, makes, stated):

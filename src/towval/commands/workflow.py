@@ -52,6 +52,9 @@ _NOTHING = re.compile(r"total +0$|Nothing to be done")
 _ASKS_FOR_LESS = re.compile(r"-[UO]|--(unt|omit-fr|allowe|target-j|ba)")
 """Options of Snakemake, also shortened as it allows, by which "up to date" says nothing of the report."""
 
+_OPTION_REFUSED = re.compile(r"[\w. -]*: error: ")
+"""How Snakemake begins to say what is wrong with its options, after it printed them all."""
+
 
 def run(
     campaign: Path,
@@ -80,8 +83,10 @@ def run(
     config = places | stated
     check(config, packaged_schema("config.schema.yaml"), "the settings")
     snakefile = str(resources.files("towval").joinpath("workflow", "Snakefile"))
-    line = [sys.executable, "-m", "snakemake", "--snakefile", snakefile, "--cores", str(cores or os.cpu_count() or 1)]
-    line += [*SNAKEMAKE, *_options(snakemake), "--config"]
+    options = _options(snakemake)
+    # Those of the call follow --cores, which takes one value: an option that takes several would take a target, too.
+    line = [sys.executable, "-m", "snakemake", "--snakefile", snakefile, *SNAKEMAKE]
+    line += ["--cores", str(cores or os.cpu_count() or 1), *options, "--config"]
     line += [f"{key}={_as_yaml(value)}" for key, value in config.items()]
     made = results / given.name
     before, nothing_to_do = _made_ns(made / "report.html"), False
@@ -96,7 +101,8 @@ def run(
     if nothing_to_do:
         _check_as_stated(made, given)
     after = _made_ns(made / "report.html")
-    nothing_to_do &= not any(map(_ASKS_FOR_LESS.match, _options(snakemake)))
+    names_target = bool(options) and not options[0].startswith("-")
+    nothing_to_do &= not names_target and not any(map(_ASKS_FOR_LESS.match, options))
     if after is None or (snakemake and after == before and not nothing_to_do):
         return None
     runs = read_summary(made / "summary.csv")
@@ -243,7 +249,8 @@ def _system_errors_reported(lines: Iterable[str], ended_by: Collection[int] = ()
         if _REFUSED.match(line) and (held or told):
             said = _REFUSED.sub("", line).strip()
             if said not in told:
-                yield f"towval: the system refuses Snakemake something: {said}\n  what to do: {_REMEDY}\n"
+                remedy = _REMEDY_MISSING if line.startswith("FileNotFoundError") else _REMEDY
+                yield f"towval: the system refuses Snakemake something: {said}\n  what to do: {remedy}\n"
             told.add(said)
         elif held and not line.startswith("KeyboardInterrupt"):
             yield from held
@@ -256,20 +263,23 @@ def _system_errors_reported(lines: Iterable[str], ended_by: Collection[int] = ()
 
 def _shortened(lines: Iterable[str]) -> Iterator[str]:
     """The lines, without blocks of Snakemake's and of Python's logging that help nobody here."""
-    end = ""
+    end = before = ""
     for line in lines:
         block = next((each for each in _BLOCKS if line.startswith(each[0])), None)
         if end:
             end = "" if end in line else end
         elif block is None:
-            yield line
+            told = "towval: Snakemake refuses its options: "
+            yield _OPTION_REFUSED.sub(told, line, count=1) if before == _USAGE else line
         else:
-            end = block[1]
+            before, end = block[:2]
             yield from block[2:]
 
 
+_USAGE = "usage: "
 _BLOCKS = (
     ("Call stack:", "Arguments:"),  # of a line that could not be written to the log
+    (_USAGE, "[targets ...]"),
     (
         "LockException:",
         "--unlock",
@@ -283,6 +293,7 @@ _SAID = re.compile(r"[\w.]+(Error|Exception|Interrupt|Exit)\b")
 _REFUSED = re.compile(
     r"(OSError|PermissionError|FileNotFoundError|NotADirectoryError|FileExistsError|BlockingIOError): "
 )
+_REMEDY_MISSING = "correct that path; what is finished stays"
 _REMEDY = "make room, or choose folders that can be written (also HOME and TMPDIR); what is finished stays"
 
 
