@@ -117,6 +117,13 @@ def test_the_bound_of_a_run_is_stated_where_it_counts(verdict, cited):
     assert ("off by at most 2.3 mm, tolerance 20 mm" in line) == cited
 
 
+@pytest.mark.parametrize("options", ["-n --config preset=draft", "--config=preset=draft", "-Cpreset=draft"])
+def test_keys_among_the_options_for_snakemake_are_refused(options):
+    """They were passed over: what was judged had the default settings."""
+    with pytest.raises(InputError, match="--set KEY=VALUE"):
+        run(SAMPLE, snakemake=options)
+
+
 def test_options_for_snakemake_with_an_open_quote_are_told():
     with pytest.raises(InputError, match="close the quote"):
         run(SAMPLE, snakemake="--configfile 'x")

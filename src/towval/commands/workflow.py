@@ -52,6 +52,7 @@ _NOTHING = re.compile(r"total +0$|Nothing to be done")
 _ASKS_FOR_LESS = re.compile(r"-[UO]|--(unt|omit-fr|allowe|target-j|ba)")
 """Options of Snakemake, also shortened as it allows, by which "up to date" says nothing of the report."""
 
+_KEYS = re.compile(r"-C|--config(=|$)")
 _OPTION_REFUSED = re.compile(r"[\w. -]*: error: ")
 """How Snakemake begins to say what is wrong with its options, after it printed them all."""
 
@@ -134,11 +135,16 @@ def _made_ns(path: Path) -> int | None:
 
 def _options(text: str) -> list[str]:
     try:
-        return shlex.split(text)
+        options = shlex.split(text)
     except ValueError as error:
         raise InputError(
             "--snakemake cannot be taken apart into options", got=error, remedy="close the quote"
         ) from None
+    for option in filter(_KEYS.match, options):
+        # Of two options --config Snakemake takes the last, which is that of this call.
+        remedy = "towval run CAMPAIGN --set KEY=VALUE, as --set compare.tolerance_m=0.01"
+        raise InputError("--snakemake would set keys of config.yaml, which it cannot", got=option, remedy=remedy)
+    return options
 
 
 @contextmanager
