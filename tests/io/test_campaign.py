@@ -201,6 +201,7 @@ WRONG = {
     ),
     "negative tether": (lambda d: d["tether"].update(rest_length_m=-0.6), ["tether.rest_length_m", "-0.6", "above 0"]),
     "text for a number": (lambda d: d["object"].update(mass_kg="heavy"), ["object.mass_kg", "heavy", "a number"]),
+    "decimal comma": (lambda d: d["object"].update(mass_kg="4,5"), ["object.mass_kg", "'4,5'", "with a point: 4.5"]),
     "three numbers for a point": (
         lambda d: d["object"].update(tether_anchor_m=[1, 2, 3]),
         ["tether_anchor_m", "exactly 2"],
@@ -212,6 +213,14 @@ WRONG = {
     "pattern without pictures": (
         lambda d: d["camera"].update(calibration_images="calib/*.jpg"),
         ["camera.calibration_images", "calib/*.jpg"],
+    ),
+    "pattern as on Windows": (
+        lambda d: d["camera"].update(calibration_images="calibration\\*.jpg"),
+        ["camera.calibration_images", "write / between folders"],
+    ),
+    "video as on Windows": (
+        lambda d: d["runs"]["a"].update(video="C:\\lab\\a.mp4"),
+        ["runs.a.video", "write / between folders"],
     ),
     "load beside the top": (lambda d: d["object"]["load"].update(at_m=[0.9, 0.0]), ["object.load.at_m", "0.9"]),
     "weight beside the footprint": (

@@ -63,6 +63,12 @@ def test_a_tab_in_the_indentation_is_named(text, tmp_path):
         read_yaml(tmp_path / "x.yaml")
 
 
+def test_a_windows_path_between_double_quotes_is_told(tmp_path):
+    (tmp_path / "x.yaml").write_text('video: "C:\\Videos\\a.mp4"\n')
+    with pytest.raises(InputError, match="write / in paths"):
+        read_yaml(tmp_path / "x.yaml")
+
+
 def test_a_key_without_a_value_is_empty():
     with pytest.raises(InputError, match="a is empty; allowed: a number"):
         check({"a": None}, {"properties": {"a": {"type": "number"}}}, "the settings")

@@ -176,7 +176,8 @@ def _scene(
     """The scene as its document and as it is used, with what a campaign replaces; and the campaign."""
     if scene == _PAPER and not is_plain_file(_PAPER):  # a folder of that name holds a paper
         scene = Path(str(resources.files("towval").joinpath("workflow", "plan.yaml")))
-    document: Any = read_yaml(scene) if isinstance(scene, Path) else scene
+    missing = "give a scene file, or paper for the scene of the package"
+    document: Any = read_yaml(scene, missing) if isinstance(scene, Path) else scene
     if isinstance(scene, Path):
         check(document, packaged_schema("plan.schema.yaml"), scene.name)
     given = plan_scene(document)

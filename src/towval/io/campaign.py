@@ -3,6 +3,7 @@
 import glob
 import itertools
 import os
+import shlex
 import stat
 import unicodedata
 from collections.abc import Callable, Iterable, Sequence
@@ -128,7 +129,8 @@ def read_document(folder: Path) -> Any:
             remedy=f"give its folder, {folder.parent}" if file else "correct the path of the folder",
         )
     check_name(folder, "the campaign folder")
-    return read_yaml(folder / "campaign.yaml")
+    missing = f"towval new {shlex.quote(str(folder))} writes it; or give the folder that holds it"
+    return read_yaml(folder / "campaign.yaml", missing)
 
 
 def read_campaign(folder: Path, document: Any) -> tuple[Campaign | None, Faults]:
@@ -303,7 +305,7 @@ def pictures_of(pattern: str, folder: Path, key: str) -> tuple[Path, ...]:
             f"campaign.yaml: {key} finds no picture",
             got=pattern,
             allowed=f"a file or pattern of pictures in {folder} ({', '.join(IMAGE_SUFFIXES)})",
-            remedy="check the pattern, or copy the missing pictures there",
+            remedy=_with_slashes(pattern) or "check the pattern, or copy the missing pictures there",
         )
     if len(found) > _MOST_PICTURES:
         raise InputError(f"campaign.yaml: {key} finds too many pictures", allowed=f"at most {_MOST_PICTURES}")
@@ -320,13 +322,18 @@ def _plain(path: Path, key: str) -> Path:
             f"campaign.yaml: the file of {key} is missing",
             got=f"{path}: {reason(error)}",
             allowed="a file in the campaign folder",
-            remedy=_written_otherwise(path) or "check the name, or copy the file there",
+            remedy=_with_slashes(path.name) or _written_otherwise(path) or "check the name, or copy the file there",
         ) from None
     if not stat.S_ISREG(mode):
         raise InputError(f"campaign.yaml: {key} names no plain file", got=f"{path} is {kind_of(mode)}")
     if not os.access(path, os.R_OK):
         raise InputError(f"campaign.yaml: the file of {key} may not be read", got=path, remedy="change its rights")
     return path
+
+
+def _with_slashes(name: str) -> str:
+    """What to do where a name that was not found holds backslashes, which part folders on Windows alone; else empty."""
+    return "write / between folders in place of \\" if "\\" in name and os.sep != "\\" else ""
 
 
 def _written_otherwise(path: Path) -> str:

@@ -3,6 +3,7 @@
 import difflib
 import importlib
 import itertools
+import re
 from collections.abc import Iterator
 from functools import lru_cache
 from importlib import resources
@@ -223,6 +224,15 @@ _COMPARISONS = {
 }
 
 
+_DECIMAL_COMMA = re.compile(r"[-+]?\d{1,9},\d{1,9}")
+
+
+def _number_in_place_of(value: Any) -> str:
+    if isinstance(value, str) and _DECIMAL_COMMA.fullmatch(value):
+        return f"a number, with a point: {value.replace(',', '.')}"
+    return "a finite number" if isinstance(value, float) else "a number"
+
+
 def _allowed(error: ValidationError) -> str:
     rule, wanted, schema = _rule(error)
     or_auto = " or auto" if schema.get("pattern") == "^auto$" else ""
@@ -230,7 +240,7 @@ def _allowed(error: ValidationError) -> str:
         return "one of " + ", ".join(str(each).lower() if isinstance(each, bool) else each for each in schema["enum"])
     if rule == "type" or (rule == "pattern" and or_auto):
         names = {
-            "number": "a finite number" if isinstance(error.instance, float) else "a number",
+            "number": _number_in_place_of(error.instance),
             "integer": "a whole number",
             "array": "a list",
             "object": "keys with values",

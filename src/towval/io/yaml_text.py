@@ -58,12 +58,12 @@ _StrictLoader.add_implicit_resolver(
 _StrictLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
 
 
-def read_yaml(path: Path) -> Any:
-    """The content of a YAML file.
+def read_yaml(path: Path, missing: str = "") -> Any:
+    """The content of a YAML file; ``missing`` is what to do where there is none.
 
     Raises `InputError` when the file is missing, no plain file, too large, not YAML, or holds a key twice.
     """
-    data = read_bytes(path, MOST_BYTES, f"create {path.name} or check the path")
+    data = read_bytes(path, MOST_BYTES, missing or f"create {path.name} or check the path")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -90,6 +90,8 @@ def _loaded(text: str, what: str, remedy: str | None) -> Any:
         got = " ".join(str(error).split()).replace(' in "<unicode string>",', " at")
         if remedy and _indented_by_tab(text, error):
             remedy += "; indent with spaces, not tabs"
+        if remedy and "unknown escape character" in got:
+            remedy += "; write / in paths, since \\ between double quotes begins a special character"
         raise InputError(what, got=got[:_MOST_SHOWN], remedy=remedy) from None
 
 
