@@ -38,10 +38,13 @@ def test_lines_are_written_with_their_ends(monkeypatch):
     """Python writes unbuffered in containers, and several stages to one terminal."""
     pieces = []
     for name in ("stdout", "stderr"):
-        stream = SimpleNamespace(write=pieces.append, flush=lambda: None)
+        stream = SimpleNamespace(write=pieces.append, flush=lambda: None, isatty=lambda: False)
         monkeypatch.setattr(sys, name, stream)
     show(replace(MADE, details=("a detail",)))
-    assert [piece[-1:] for piece in pieces if piece] == ["\n"] * 4
+    with progress("track a", 2) as done:
+        done(1)
+        done(2)
+    assert [piece[-1:] for piece in pieces if piece] == ["\n"] * 6
 
 
 def test_large_lengths_are_no_powers_of_ten():

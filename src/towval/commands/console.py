@@ -64,7 +64,7 @@ def _print_for_people(outcome: Outcome) -> None:
 
 def _print_whole(line: str, stream: TextIO) -> None:
     """Print a line with its end in one piece: unbuffered, the stages of a workflow write between the two."""
-    print(f"{line}\n", end="", file=stream)
+    print(f"{line}\n", end="", file=stream, flush=stream is sys.stderr)
 
 
 _INTERRUPTED = "towval: interrupted; what is finished stays, and the next call goes on from there"
@@ -142,10 +142,10 @@ def progress(label: str, total: int | None, unit: str = "frame") -> Iterator[Cal
     def line(done: int) -> None:
         nonlocal next_line, told_s
         if total is None and time.monotonic() - told_s >= _UNTOLD_S:
-            print(f"{label}: {done} {unit}{'s' * (done != 1)}", file=sys.stderr, flush=True)
+            _print_whole(f"{label}: {done} {unit}{'s' * (done != 1)}", sys.stderr)
             told_s = time.monotonic()
         if total and done >= next_line * total:
-            print(f"{label}: {done} of {total} {unit}s", file=sys.stderr, flush=True)
+            _print_whole(f"{label}: {done} of {total} {unit}s", sys.stderr)
             next_line += 0.1
 
     yield line
