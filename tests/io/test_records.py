@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -340,3 +341,15 @@ def test_a_whole_file_of_nonsense_is_one_message(tmp_path, name, details):
     write_mcap(path, [], details, PROVENANCE)
     with pytest.raises(InputError):
         READERS[name](path)
+
+
+@pytest.mark.parametrize(
+    ("begin", "name", "source"), [(b"SQLite format 3\0", "bag/x.db3", "bag"), (b"#ROSBAG V2.0\n", "x.bag", "x.bag")]
+)
+def test_other_recordings_of_ros_are_to_be_converted(tmp_path, monkeypatch, begin, name, source):
+    """The advice was to run the stage again that made them."""
+    monkeypatch.chdir(tmp_path)
+    Path(name).parent.mkdir(exist_ok=True)
+    Path(name).write_bytes(begin)
+    with pytest.raises(InputError, match=rf"no MCAP file(.|\n)*rosbags-convert --src {source} --dst"):
+        read_mcap(Path(name))

@@ -7,6 +7,7 @@ and every checksum is verified before anything of a file is used.
 import heapq
 import json
 import math
+import shlex
 import struct
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator
@@ -191,8 +192,10 @@ def read_mcap(
     provenance: dict[str, str] = {}
     names: dict[int, str] = {}
     channels: dict[int, tuple[str, str]] = {}
+    data = read_bytes(path, MOST_BYTES, _REMEDY)
+    _check_no_other_bag(path, data)
     with _damage_reported(path):
-        for record in checked_records(read_bytes(path, MOST_BYTES, _REMEDY), messages=messages):
+        for record in checked_records(data, messages=messages):
             if isinstance(record, records.Message):
                 topic, kind = channels[record.channel_id]
                 if topic.endswith(without):
@@ -214,6 +217,16 @@ def read_mcap(
 
 
 _REMEDY = "run the stage that makes it"
+_OTHER_BAGS = {b"SQLite format 3": "SQLite, as ROS 2 records it in a folder", b"#ROSBAG": "a bag of ROS 1"}
+
+
+def _check_no_other_bag(path: Path, data: bytes) -> None:
+    """Refuse recordings of ROS in its other formats, which no stage makes again."""
+    for begin, kind in _OTHER_BAGS.items():
+        if data.startswith(begin):
+            source = path if kind.endswith("1") else path.parent
+            convert = f"rosbags-convert --src {shlex.quote(str(source))} --dst NEW_FOLDER --dst-storage mcap"
+            raise InputError(f"{path} is no MCAP file", got=kind, remedy=f"convert it: {convert}")
 
 
 @contextmanager
