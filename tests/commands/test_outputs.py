@@ -183,6 +183,20 @@ def test_what_the_system_refuses_is_one_message(number, tmp_path, capsys):
     assert log.read_text() == message
 
 
+@pytest.mark.parametrize("refused", ["tempfile.mkstemp", "os.replace"])
+def test_a_refusal_names_the_file_that_was_asked_for(refused, tmp_path, monkeypatch, capsys):
+    """It named the temporary file beside it."""
+
+    def refuse(*args, **_):
+        temporary = args[0] if args else str(tmp_path / ".x-1234.csv")
+        raise OSError(errno.EACCES, os.strerror(errno.EACCES), temporary)
+
+    monkeypatch.setattr(refused, refuse)
+    with pytest.raises(SystemExit), errors_reported():
+        write_text(tmp_path / "x.csv", "1\n")
+    assert f"refuses {tmp_path / 'x.csv'}\n" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("in_compiled_code", [False, True])
 def test_an_interruption_is_told(in_compiled_code, capsys):
     interruption: BaseException = KeyboardInterrupt()
@@ -204,6 +218,19 @@ def test_the_folder_above_the_results_of_a_campaign_is_not_called_damaged(tmp_pa
     (tmp_path / "lab" / "camera.mcap").touch()
     with pytest.raises(InputError, match=r"results of campaigns(.|\n)*got: lab\n(.|\n)*towval verify .*lab"):
         verify.run(tmp_path)
+
+
+def test_a_campaign_in_place_of_its_results_is_told():
+    with pytest.raises(InputError, match=r"holds no results\n  got: a campaign(.|\n)*results/sample"):
+        verify.run(SAMPLE)
+
+
+def test_what_snakemake_leaves_among_figures_is_none(tmp_path):
+    (tmp_path / "figures").mkdir()
+    for name in (".snakemake_timestamp", "shares.svg"):
+        (tmp_path / "figures" / name).touch()
+    write_manifest(tmp_path / MANIFEST, [tmp_path / "figures" / "shares.svg"])
+    assert [line.split()[0] for line in verify.run(tmp_path).details] == ["figures/shares.svg"]
 
 
 def test_inputs_that_were_added_since_are_named(tmp_path):

@@ -41,6 +41,14 @@ def run(results: Path, campaign: Path | None = None) -> Outcome:
     aside = {path.parent for path in results.glob("*/track.mcap")}.difference(current_runs(results))
     made = sorted(path for path in results.rglob("*.mcap") if not path.name.startswith("."))
     made = [path for path in made if aside.isdisjoint(path.parents)]
+    if not made and not (results / MANIFEST).exists():
+        campaigns = (results / "campaign.yaml").exists()
+        raise InputError(
+            f"{results} holds no results",
+            got="a campaign" if campaigns else None,
+            allowed="results/CAMPAIGN, with camera.mcap",
+            remedy=f"give the folder of its results, as results/{results.resolve().name}" if campaigns else None,
+        )
     origins: dict[Path, Origin] = {}
     faults = []
     for path in made:
@@ -48,7 +56,7 @@ def run(results: Path, campaign: Path | None = None) -> Outcome:
             read_mcap(path)
             origins[path] = read_origin(path)
         except TowvalError as error:
-            faults.append(" ".join(str(error).split()))
+            faults.append(_in_a_line(error))
     faults += [*_broken_links(results, origins), *_faults_of_list(results, aside), *_faults_beside(results)]
     if campaign is not None:
         faults += _changed_inputs(campaign, origins)
@@ -60,6 +68,10 @@ def run(results: Path, campaign: Path | None = None) -> Outcome:
     text = f"{len(made)} results, each whole and made of the others; {inputs}"
     numbers = {"results": len(made), "derivations": derivations, "left_out": left_out}
     return Outcome("verify", (results,), text, numbers, details=details)
+
+
+def _in_a_line(error: TowvalError) -> str:
+    return "; ".join(line.strip() for line in str(error).splitlines())
 
 
 def _place(results: Path, path: Path, stage: str, name: str) -> Path | None:
@@ -95,7 +107,7 @@ def _faults_of_list(results: Path, aside: Collection[Path]) -> Iterator[str]:
     try:
         listed = read_manifest(results / MANIFEST)
     except TowvalError as error:
-        yield " ".join(str(error).split())
+        yield _in_a_line(error)
         return
     for row in listed:
         if row.found is None:
@@ -152,7 +164,7 @@ def _derivations(results: Path, origins: dict[Path, Origin]) -> Iterator[str]:
         made_of = ", ".join(f"{name} {digest[:_SHORT]}" for name, digest in origin.inputs.items())
         yield f"{path.relative_to(results)} {file_hash(path)[:_SHORT]} from {made_of}"
     runs = sorted({origin.run for origin in origins.values() if origin.run})
-    for path in sorted((results / "figures").glob("*")):
+    for path in sorted((results / "figures").glob("[!.]*")):  # not what Snakemake leaves there
         owner = next((run for run in runs if path.stem.removesuffix(f"_{run}") in RUN_FIGURES), None)
         source = f"{owner}/*.mcap, camera.mcap" if owner else "all results of the campaign"
         yield f"figures/{path.name} {file_hash(path)[:_SHORT]} from {source}"

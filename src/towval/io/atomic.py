@@ -19,12 +19,16 @@ def replacing(path: Path) -> Iterator[Path]:
     stood at ``path`` stays as it was. A link is replaced, not what it leads to.
 
     Raises `InputError` where a folder or a device stands at ``path``, `OSError` where the system refuses; it names
-    ``path`` where the system named no file.
+    ``path``, not the temporary file, which nobody knows.
     """
     path = Path(path)
     check_plain(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+    try:
+        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+    except OSError as error:
+        error.filename = str(path)
+        raise
     os.close(handle)
     temporary = Path(name)
     try:
@@ -36,7 +40,7 @@ def replacing(path: Path) -> Iterator[Path]:
             temporary.chmod(0o666 & ~umask)
         os.replace(temporary, path)
     except OSError as error:
-        if error.filename is None:  # a write that fails, as on a full disk, knows no name
+        if error.filename in (None, name, temporary):  # a write that fails, as on a full disk, knows no name
             error.filename = str(path)
         raise
     finally:
