@@ -171,7 +171,8 @@ def _arguments() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"towval {towval.__version__}")
     stages = parser.add_subparsers(dest="stage", required=True, metavar="STAGE")
     for name, (text, arguments) in _STAGES.items():
-        stage = stages.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.")
+        begun = text if text.partition(" ")[0].endswith(".mcap") else text[0].upper() + text[1:]
+        stage = stages.add_parser(name, help=text, description=f"{begun}.")
         module, function = _FUNCTIONS.get(name, (name, "run"))
         stage.set_defaults(module=f"towval.commands.{module}", function=function)
         if name not in _WITHOUT_OUTPUT:

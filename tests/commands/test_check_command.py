@@ -237,6 +237,14 @@ def test_the_command_that_comes_next_can_be_pasted():
     assert "my lab: no fault, but 1 warning. towval run 'my lab' takes" in for_people(told)
 
 
+@pytest.mark.parametrize(
+    ("count", "said"), [(1, "lab: 1 fault; correct it and"), (2, "lab: 2 faults; correct them and")]
+)
+def test_faults_are_counted(count, said):
+    told = {"campaign": "lab", "faults": [{"line": None, "text": "x"}] * count, "warnings": [], "runs": {}}
+    assert said in for_people(told)
+
+
 def test_clicks_beside_the_outline_are_warned_about(lab, tmp_path):
     def change(document):
         document["runs"]["a"]["first_frame_clicks_px"]["rover"][0][0] += 30

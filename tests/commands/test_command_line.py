@@ -25,6 +25,13 @@ def test_a_shell_is_told_how_the_line_may_go_on(tmp_path, line, offered):
     assert offered <= set(answer.read_text().split("\n"))
 
 
+def test_help_on_a_stage_begins_with_the_name_of_its_file_as_it_is(capsys):
+    for stage, begin in (("decimate", "track.mcap → "), ("track", "Video of a run → ")):
+        with pytest.raises(SystemExit):
+            main([stage, "--help"])
+        assert f"\n{begin}" in capsys.readouterr().out
+
+
 def test_one_json_object_stands_for_what_people_read(tmp_path, capsys):
     make_run(tmp_path / "results" / "lab" / "a")
     output = tmp_path / "index.sqlite"

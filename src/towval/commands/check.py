@@ -303,7 +303,9 @@ def for_people(found: dict[str, Any]) -> str:
         told = filter(None, (f"{row['frames']} frames", known, row["picture"]))
         rows.append(f"run {name}: {'; '.join(told)}")
     if found["faults"]:
-        rows.append(f"{found['campaign']}: {len(found['faults'])} fault(s); correct them and check again")
+        one = len(found["faults"]) == 1
+        counted = "1 fault; correct it" if one else f"{len(found['faults'])} faults; correct them"
+        rows.append(f"{found['campaign']}: {counted} and check again")
     else:
         cores, count = os.cpu_count() or 1, len(found["warnings"])
         warned = f", but {count} warning{'s' * (count != 1)}" if count else ""

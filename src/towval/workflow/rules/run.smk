@@ -58,7 +58,7 @@ rule decimate:
             keys=section("decimate"),
         ),
     message:
-        "{wildcards.campaign}, run {wildcards.run}: thin the tracks"
+        "{wildcards.campaign}, run {wildcards.run}: decimate the tracks"
     script:
         "../scripts/run.py"
 
@@ -127,7 +127,7 @@ rule uncertainty:
         ),
         given=given("uncertainty"),
     message:
-        "{wildcards.campaign}, run {wildcards.run}: sample what is not known exactly"
+        "{wildcards.campaign}, run {wildcards.run}: draw the uncertain inputs"
     script:
         "../scripts/run.py"
 
