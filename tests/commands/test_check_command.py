@@ -134,6 +134,21 @@ def test_faults_of_videos_and_pictures_are_told_together(lab, tmp_path):
     assert told["runs"] == {}
 
 
+def test_all_pictures_that_cannot_be_read_are_told_at_once(lab, tmp_path):
+    """The first one ended the check: a campaign of photos in HEIC took as many calls as it has photos."""
+    folder = lab()
+    (folder / "calibration").unlink()
+    shutil.copytree(SAMPLE / "calibration", folder / "calibration")
+    first, second, third = sorted((folder / "calibration").glob("*.jpg"))[:3]
+    first.write_bytes(b"\0\0\0\x18ftypheic" + bytes(500))
+    second.write_bytes(second.read_bytes()[:5000])
+    third.write_bytes(b"")
+    texts = [fault["text"] for fault in check(folder, tmp_path / "pictures")["faults"]]
+    assert len(texts) == 3, texts
+    for words in (f"{first.name} is no picture", "HEIC, as phones write it", second.name, third.name):
+        assert sum(words in text for text in texts) == 1, words
+
+
 @pytest.mark.parametrize("pictures", [1, 7])
 def test_a_film_of_a_few_pictures_is_refused_before_anything_is_tracked(lab, tmp_path, pictures):
     """A photo was said to have little texture and a rate of nan."""

@@ -23,7 +23,7 @@ from towval.commands.track import Begun, begin, findings_of_rate, known_starts, 
 from towval.io.atomic import check_own, not_ours
 from towval.io.campaign import Campaign, Run, read_campaign, read_document
 from towval.io.campaign_text import text_in_parts
-from towval.io.images import GrayPictures, write_picture
+from towval.io.images import GrayPictures, read_gray, stated_size, write_picture
 from towval.io.reading import is_plain_file
 from towval.io.schema import key_lines
 from towval.model import Array, Body, Finding, Severity
@@ -93,6 +93,10 @@ def _runs(given: Campaign, pictures: Path, faults: Faults, warnings: list[str]) 
     step(f"check: calibrate from {len(given.calibration_images)} pictures")
     calibration = faults.attempt(calibrated, given, CalibrateSettings())
     if calibration is None:
+        # The calibration ended at the first picture that it could not read.
+        for path in dict.fromkeys((*given.calibration_images, *given.floor_images)):
+            if stated_size(path) in (None, given.resolution_px):
+                faults.attempt(read_gray, path, given.resolution_px)
         return {}
     warnings += [found.text for found in calibration.findings if found.severity is Severity.WARNING]
     starts: dict[str, StartOfRun] = {}

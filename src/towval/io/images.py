@@ -29,11 +29,12 @@ def read_gray(path: Path, resolution_px: tuple[int, int]) -> NDArray[np.uint8]:
     size = _stated_size(BytesIO(data))
     image = _decoded(data) if size == tuple(resolution_px) else None
     if size is None or (image is None and size == tuple(resolution_px)):
+        heic = data[4:8] == b"ftyp" and data[8:12] in _HEIC
         raise InputError(
             f"{path} is no picture that can be read",
-            got=f"{len(data)} bytes",
+            got="HEIC, as phones write it" if heic else f"{len(data)} bytes",
             allowed="JPEG, PNG, TIFF, BMP or WebP",
-            remedy="copy the file again, or take it out of the folder",
+            remedy="export it as JPEG" if heic else "copy the file again, or take it out of the folder",
         )
     if image is None or image.shape[::-1] != size:
         remedy = "take the pictures in the mode that filmed the runs; of a phone, from a film (docs/calibration.md)"
@@ -75,6 +76,8 @@ def turned_by_tag(path: Path) -> bool:
 
 
 _UPRIGHT = 1
+_HEIC = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"mif1", b"msf1")
+"""Brands of HEIC files; films have others."""
 _UNREADABLE = (
     Image.DecompressionBombError, OSError, SyntaxError, ValueError, ArithmeticError, LookupError, TypeError,
     struct.error,
