@@ -322,6 +322,24 @@ def test_pictures_in_a_folder_with_brackets_in_its_name_are_found(footage):
     assert set((footage / "board [1]").glob("board_*.jpg")) <= set(load_campaign(footage).calibration_images)
 
 
+@pytest.mark.parametrize(
+    ("stem", "name"),
+    [("Übung 2", "Ubung_2"), ("U\u0308bung", "Ubung"), ("Lauf 1 (Test)", "Lauf_1_Test"), ("-ß-", "run")],
+)
+def test_a_run_is_named_as_its_video_as_far_as_letters_allow(footage, stem, name):
+    """Übung was bung."""
+    (footage / "a.mp4").rename(footage / f"{stem}.mp4")
+    run(footage, FACTS, ask=False, find=False)
+    assert list(load_campaign(footage).runs) == [name]
+
+
+def test_videos_whose_names_differ_in_capitals_are_runs_with_names_that_do_not(footage):
+    """Some disks would take the folders of their results for one."""
+    (footage / "A.mp4").symlink_to(SAMPLE / "a.mp4")
+    run(footage, FACTS, ask=False, find=False)
+    assert sorted(load_campaign(footage).runs) == ["A", "a_2"]
+
+
 def test_a_run_is_not_named_as_a_folder_of_the_results(footage):
     (footage / "a.mp4").rename(footage / "Figures.mp4")
     run(footage, FACTS, ask=False, find=False)

@@ -3,6 +3,7 @@
 import glob
 import re
 import sys
+import unicodedata
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
@@ -217,10 +218,14 @@ def _look_at_files(draft: Draft) -> None:
             raise InputError(f"{draft.folder} is no folder", remedy="give the folder with the videos and pictures")
         if not videos:
             raise InputError(f"{draft.folder} holds no video", allowed=f"files ending in {', '.join(VIDEO_SUFFIXES)}")
+        taken = set(OWN_FOLDERS)
         for path in videos:
-            name = re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem).lstrip("_-") or "run"
-            while draft.known(f"runs.{name}") or name.lower() in OWN_FOLDERS:  # a.mp4 beside a.mov
+            parted = unicodedata.normalize("NFKD", path.stem)
+            plain = "".join(letter for letter in parted if not unicodedata.combining(letter))  # Ü without its dots
+            name = re.sub(r"[^A-Za-z0-9_-]+", "_", plain).strip("_-") or "run"
+            while name.lower() in taken:  # a.mp4 beside a.mov, or beside A.mp4: some disks take both for one
                 name += "_2"
+            taken.add(name.lower())
             draft.put(f"runs.{name}", {"video": path.as_posix()})
     if not draft.known("camera.resolution_px"):
         # A phone held upright stores videos lying, with a tag by which they are turned; its photos, too, or upright.
