@@ -114,6 +114,19 @@ def test_the_file_holds_what_was_read(tmp_path):
             pd.testing.assert_frame_equal(read, getattr(index, table), check_dtype=False)
 
 
+def test_a_run_that_could_not_be_tracked_is_unfinished(tmp_path):
+    """It was on no list, so that --fail-on found nothing to fail on; a left out one is none."""
+    make_run(tmp_path / "lab" / "a")
+    log = tmp_path / "lab" / "b" / "logs" / "track.log"
+    log.parent.mkdir(parents=True)
+    log.write_text("towval: b.mp4 is damaged or truncated\n")
+    runs = read_results([tmp_path]).runs
+    assert runs[["run", "state", "verdict"]].values.tolist() == [["a", "compare", "agrees"], ["b", "", UNFINISHED]]
+    os.utime(log, (0, 0))
+    write_manifest(tmp_path / "lab" / "files.sha256", [tmp_path / "lab" / "a" / "track.mcap"])
+    assert read_results([tmp_path]).runs["run"].tolist() == ["a"]
+
+
 def test_folders_without_runs_are_refused(tmp_path):
     with pytest.raises(InputError, match="there are no runs"):
         read_results([tmp_path])

@@ -22,6 +22,8 @@ from towval.model.errors import InputError
 from towval.model.inputs import INPUTS
 
 _FILES_OF_RUN = tuple(f"{stage}.mcap" for stage in STAGES_OF_RUN)
+_LOG = "logs/track.log"
+"""What the workflow leaves of a run that it could not track."""
 
 INDEX_MARK = 'CREATE TABLE "runs" (\n"source" TEXT,\n  "campaign" TEXT,'
 """What an SQLite file that may be replaced says near its beginning."""
@@ -107,7 +109,7 @@ def _campaigns(source: Path) -> list[Path]:
 
 
 def _runs(campaign: Path) -> list[Path]:
-    return [folder for folder in _folders(campaign) if (folder / "track.mcap").is_file()]
+    return [path for path in _folders(campaign) if any((path / name).is_file() for name in ("track.mcap", _LOG))]
 
 
 def current_runs(campaign: Path) -> list[Path]:
@@ -123,7 +125,7 @@ def current_runs(campaign: Path) -> list[Path]:
 def _newest_s(run: Path) -> float:
     """When the newest file of a run was made [s since 1970]."""
     times = []
-    for name in _FILES_OF_RUN:
+    for name in (*_FILES_OF_RUN, _LOG):
         with suppress(FileNotFoundError):
             times.append((run / name).stat().st_mtime)
     return max(times, default=0.0)

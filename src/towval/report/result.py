@@ -97,7 +97,9 @@ def legend(records: Sequence[RunRecord]) -> str:
     tolerances = {r.comparison.tolerance_m: r.comparison.tolerance_stated for r in records}
     for tolerance_m, stated in tolerances.items():
         if np.isfinite(tolerance_m):
-            default = "" if stated else " (a default; state yours with towval run --set compare.tolerance_m=...)"
+            default = (
+                "" if stated else " (a default; state yours with towval run CAMPAIGN --set compare.tolerance_m=...)"
+            )
             text += f" An error of {millimetres(tolerance_m)} matters{default}."
     return text
 
