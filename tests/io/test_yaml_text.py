@@ -69,6 +69,12 @@ def test_a_windows_path_between_double_quotes_is_told(tmp_path):
         read_yaml(tmp_path / "x.yaml")
 
 
+@pytest.mark.parametrize(("value", "shown"), [("svg", r"a list, as \[svg\]$"), ("[svg", "a list$"), (5, "a list$")])
+def test_a_list_is_shown_as_it_is_written(value, shown):
+    with pytest.raises(InputError, match=rf"formats is .*; allowed: {shown}"):
+        check({"formats": value}, {"properties": {"formats": {"type": "array"}}}, "report")
+
+
 def test_a_key_without_a_value_is_empty():
     with pytest.raises(InputError, match="a is empty; allowed: a number"):
         check({"a": None}, {"properties": {"a": {"type": "number"}}}, "the settings")

@@ -227,6 +227,10 @@ _COMPARISONS = {
 _DECIMAL_COMMA = re.compile(r"[-+]?\d{1,9},\d{1,9}")
 
 
+def _list_in_place_of(value: Any) -> str:
+    return f"a list, as [{value}]" if isinstance(value, str) and value.isidentifier() else "a list"
+
+
 def _number_in_place_of(value: Any) -> str:
     if isinstance(value, str) and _DECIMAL_COMMA.fullmatch(value):
         return f"a number, with a point: {value.replace(',', '.')}"
@@ -242,7 +246,7 @@ def _allowed(error: ValidationError) -> str:
         names = {
             "number": _number_in_place_of(error.instance),
             "integer": "a whole number",
-            "array": "a list",
+            "array": _list_in_place_of(error.instance),
             "object": "keys with values",
             "string": "a text",
             "boolean": "true or false",

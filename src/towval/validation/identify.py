@@ -115,7 +115,11 @@ def identify(
     simulation ends early within the searched range.
     """
     if not settings.parameters or not runs:
-        raise InputError("there is nothing to identify", allowed=f"one or more of {', '.join(IDENTIFIABLE)}, and a run")
+        raise InputError(
+            "there is nothing to identify",
+            allowed=f"one or more of {', '.join(IDENTIFIABLE)}, and a run",
+            remedy=None if settings.parameters else "name inputs: --set identify.parameters=[rest_length,friction]",
+        )
     missing = [name for name in settings.parameters if not IDENTIFIABLE[name][0].present(scene)]
     if missing:
         raise InputError(
