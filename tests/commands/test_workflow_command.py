@@ -79,6 +79,13 @@ def test_a_target_is_planned_alone(tmp_path):
     assert "figures, summary and report" not in done.stdout + done.stderr
 
 
+def test_a_run_that_the_campaign_does_not_have_is_told(tmp_path):
+    """It was KeyError: 'c'."""
+    done = towval(tmp_path, "run", SAMPLE, "--cores", 1, "--snakemake", "results/sample/c/track.mcap --dry-run")
+    assert done.returncode == 1
+    assert "has no such run\n  got: c\n  allowed: a" in done.stderr
+
+
 def test_a_stage_runs_with_the_settings_given(tmp_path):
     options = ("--set", "calibrate.folds=3", "--set", "preset=draft", "--snakemake=--until calibrate")
     done = towval(tmp_path, "run", SAMPLE, "--cores", 1, "--results", "out", *options)

@@ -147,6 +147,14 @@ def test_a_path_file_of_less_than_two_points_is_refused(tmp_path, text):
         read_path(file)
 
 
+@pytest.mark.parametrize(("cell", "got"), [("", "nan"), ("inf", "inf")])
+def test_a_point_of_a_path_that_lacks_a_number_is_told_with_its_file(tmp_path, cell, got):
+    file = tmp_path / "gap.csv"
+    file.write_text(f"x_m,y_m\n0,0\n1,{cell}\n2,1\n")
+    with pytest.raises(InputError, match=rf"gap\.csv lacks a number\n  got: point 2: 1, {got}\n"):
+        read_path(file)
+
+
 def test_a_missing_path_file_is_refused_by_name(tmp_path):
     with pytest.raises(InputError, match=r"none\.csv is missing(.|\n)*columns x_m and y_m"):
         read_path(tmp_path / "none.csv")

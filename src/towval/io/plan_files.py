@@ -239,4 +239,8 @@ def read_path(path: FilePath) -> Array | TimedPath:
         raise InputError(f"{path} is no table of numbers", got=error, allowed="CSV with a row of names") from None
     if len(points) < 2:
         raise InputError(f"{path} is no path", got=f"{len(points)} rows below the names", allowed="2 or more")
+    wrong = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(wrong):
+        point = ", ".join(f"{value:g}" for value in points[wrong[0]])
+        raise InputError(f"{path} lacks a number", got=f"point {wrong[0] + 1}: {point}", allowed="finite x_m and y_m")
     return points if times_s is None else TimedPath(times_s, points)

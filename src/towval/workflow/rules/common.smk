@@ -86,7 +86,7 @@ def of_lab(file):
 
 
 def video(wildcards):
-    return of_lab(CAMPAIGNS[wildcards.campaign].runs[wildcards.run].video)
+    return of_lab(CAMPAIGNS[wildcards.campaign].run(wildcards.run).video)
 
 
 def code(module):
