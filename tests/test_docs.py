@@ -46,6 +46,21 @@ def test_the_index_leads_to_the_definitions(repository):
             assert re.search(pattern, source, re.MULTILINE | re.DOTALL), f"{target} does not define {name}"
 
 
+@pytest.mark.parametrize(
+    "name", ["README.md", "docs", "src/towval/cli.py", "src/towval/commands", "src/towval/validation"]
+)
+def test_commands_with_brackets_have_quotes(repository, name):
+    """The shell of macOS takes brackets for a pattern, and refuses the call where no file fits."""
+    place = repository / name
+    # The ledger of evidence quotes calls as they were made.
+    files = [place] if place.is_file() else [path for path in place.glob("*.*") if path.stem != "evidence"]
+    wrong = [f"{path.name}: {call}" for path in files for call in _BARE.findall(path.read_text(encoding="utf-8"))]
+    assert wrong == []
+
+
+_BARE = re.compile(r"--(?:set|config) [\w.]+=\[[^]\n]*\]")
+
+
 def test_the_drawing_of_imports_is_that_of_the_code(repository):
     text = (repository / "docs" / "architecture.md").read_text(encoding="utf-8")
     drawn = set(re.findall(r"^  (\w+) --> (\w+)$", text, re.MULTILINE))

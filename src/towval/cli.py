@@ -30,7 +30,7 @@ A run by hand, step by step:
   towval report    lab_a --results out
 
 Inputs fitted to all runs, separate from the validation:
-  towval identify  lab_a --results out -o out/identify.mcap --set parameters=[rest_length,friction]
+  towval identify  lab_a --results out -o out/identify.mcap --set "parameters=[rest_length,friction]"
   towval report    lab_a --results out --identified out/identify.mcap
 
 Are results whole, and what were they made of:

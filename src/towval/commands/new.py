@@ -314,8 +314,9 @@ def _meaning(key: str) -> tuple[dict[str, Any], str]:
 
 
 def _unknown(key: str) -> InputError:
-    example = "[0.5,0.35]" if key.endswith("top_corners_m") else "..."
-    remedy = f"give it: --set {key}={example}"
+    # Without quotes the shell of macOS takes brackets for a pattern.
+    given = f'"{key}=[0.5,0.35]"' if key.endswith("top_corners_m") else f"{key}=..."
+    remedy = f"give it: --set {given}"
     remedy += ", or put floor into the name of that picture" * (key == "floor.image")
     return InputError(f"{key} is not known: {_meaning(key)[1]}", remedy=remedy)
 

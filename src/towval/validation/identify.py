@@ -118,7 +118,7 @@ def identify(
         raise InputError(
             "there is nothing to identify",
             allowed=f"one or more of {', '.join(IDENTIFIABLE)}, and a run",
-            remedy=None if settings.parameters else "name inputs: --set identify.parameters=[rest_length,friction]",
+            remedy=None if settings.parameters else 'name inputs: --set "identify.parameters=[rest_length,friction]"',
         )
     missing = [name for name in settings.parameters if not IDENTIFIABLE[name][0].present(scene)]
     if missing:
