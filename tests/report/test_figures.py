@@ -212,8 +212,23 @@ def test_words_of_the_shares_are_whole_and_apart(run):
     whole = [*labels, title.get_window_extent(renderer), axes.xaxis.label.get_window_extent(renderer)]
     assert min(box.x0 for box in whole) >= 0
     assert max(box.x1 for box in whole) <= figure.bbox.x1
-    legend = axes.get_legend().get_window_extent(renderer)
-    assert not any(legend.overlaps(label) for label in labels)
+    legend = figure.legends[0].get_window_extent(renderer)
+    assert not any(legend.overlaps(label) for label in whole)
+
+
+@pytest.mark.parametrize("names", ["ab", "abcdefghij", ["a_run_with_a_name", "another_of_that_length"]])
+def test_the_legend_of_the_shares_covers_nothing(run, names):
+    """It lay over the bars where one input had nearly all of the variance."""
+    shares = {"anchor": 0.9, "friction": 0.04, "noise and interactions": 0.06}
+    known = dataclasses.replace(uncertainty_of(run), shares=shares)
+    figure = figures.shares_figure([dataclasses.replace(run, name=name, uncertainty=known) for name in names])
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    axes, renderer = figure.axes[0], canvas.get_renderer()
+    legend = figure.legends[0].get_window_extent(renderer)
+    assert 0 <= legend.x0 < legend.x1 <= figure.bbox.x1
+    assert legend.y0 >= 0
+    assert legend.y1 <= axes.xaxis.label.get_window_extent(renderer).y0
 
 
 def test_figures_without_their_data_are_left_out(run):

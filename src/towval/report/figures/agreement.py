@@ -29,6 +29,8 @@ from towval.report.style import (
 
 _MARKERS = "osD^vPX*"
 _LEAST_SHARE = 1.0  # [%] Smaller ones are shown together.
+_LEGEND_LETTERS, _HANDLE_LETTERS = 60, 7
+"""How many letters go into a line of a legend below a figure one column wide, and what a mark takes of them."""
 
 
 @figure_function
@@ -102,7 +104,10 @@ def shares_figure(runs: Sequence[RunRecord]) -> Figure | None:
     if not shares:
         return None
     names, table = _by_size(list(shares.values()))
-    margins = Margins(left=0.2 + 0.044 * max(len(name) for name in names))
+    # Below the panel, since no place in it is free of bars and marks in all campaigns.
+    columns = max(1, min(4, _LEGEND_LETTERS // (len("run ") + max(map(len, shares)) + _HANDLE_LETTERS)))
+    rows_of_legend = -(-(1 + len(shares)) // columns)
+    margins = Margins(left=0.2 + 0.044 * max(len(name) for name in names), bottom=0.42 + 0.16 * rows_of_legend)
     figure, (axes,) = column_of_panels([max(0.6, 0.14 * len(names))], margins)
     axes.set_title("Shares of the error's variance", loc="right")  # It is wider than the panel.
     rows = np.arange(len(names))
@@ -116,7 +121,7 @@ def shares_figure(runs: Sequence[RunRecord]) -> Figure | None:
     axes.set_xlim(left=0)
     axes.set_xlabel("first-order share (%)")
     handles = [Patch(color=BAND, linewidth=0, label="mean"), *axes.get_legend_handles_labels()[0]]
-    axes.legend(handles=handles, loc="center right")
+    foot_legend(figure, handles, columns)
     return figure
 
 
