@@ -281,6 +281,16 @@ def test_a_path_that_all_but_turns_back_on_itself_is_planned_to_an_end(tmp_path)
         run(quick_plan(), str(file), tmp_path / "p.mcap", tmp_path / "p.csv")
 
 
+@pytest.mark.parametrize("name", ["my lab", "my lab/campaign.yaml"])
+def test_a_campaign_in_place_of_the_scene_is_told(tmp_path, name):
+    """Its folder was no plain file, and its campaign.yaml had thirty faults."""
+    (tmp_path / "my lab").mkdir()
+    (tmp_path / "my lab" / "campaign.yaml").touch()
+    with pytest.raises(InputError, match=r"scene is a campaign(.|\n)*: paper --campaign '.*my lab'$"):
+        run(tmp_path / name, "line", tmp_path / "plan.mcap", tmp_path / "plan.csv")
+    assert not (tmp_path / "plan.mcap").exists()
+
+
 def test_a_folder_called_paper_is_no_scene(tmp_path, monkeypatch):
     """That of somebody who writes one: the scene of the package could not be used from there."""
     (tmp_path / "paper").mkdir()

@@ -1,5 +1,6 @@
 """Commands plan and tow: desired path of the object → motion of the rover; recorded rover → motion of the object."""
 
+import shlex
 from collections.abc import Mapping
 from dataclasses import replace
 from importlib import resources
@@ -176,6 +177,14 @@ def _scene(
     """The scene as its document and as it is used, with what a campaign replaces; and the campaign."""
     if scene == _PAPER and not is_plain_file(_PAPER):  # a folder of that name holds a paper
         scene = Path(str(resources.files("towval").joinpath("workflow", "plan.yaml")))
+    if isinstance(scene, Path) and (scene.name == "campaign.yaml" or is_plain_file(scene / "campaign.yaml")):
+        folder = shlex.quote(str(scene.parent if scene.name == "campaign.yaml" else scene))
+        raise InputError(
+            "the scene is a campaign, which knows no wheels of the rover",
+            got=scene,
+            allowed="a scene file, or paper for the scene of the package",
+            remedy=f"give the campaign beside the scene: paper --campaign {folder}",
+        )
     missing = "give a scene file, or paper for the scene of the package"
     document: Any = read_yaml(scene, missing) if isinstance(scene, Path) else scene
     if isinstance(scene, Path):
