@@ -201,7 +201,7 @@ def test_a_top_that_grows_for_a_while_as_a_whole_was_lifted(along, across, looks
     size_m[50 : 50 + looks] += np.array([along, across]) * np.ptp(body.top_corners_m, axis=0)
     told = lift_findings(target, time_s, pose, size_m)
     assert [one.code for one in told] == ["top_lifted"] * found
-    assert all(f"{100 * along:+.1f} % larger" in one.text for one in told)
+    assert all(f"is {100 * along:+.1f} % off" in one.text for one in told)
     assert lift_findings(target, time_s[:3], pose[:3], size_m[:3]) == ()
 
 

@@ -244,8 +244,8 @@ register(  # calibrate
 )  # fmt: skip
 
 _TOPS_APART = (
-    "Compared with the other body, the outline of the top of {name} is {percent:+.2f} ± {std_percent:.2f} % larger "
-    "than its top_corners_m would appear at its tracked_plane_height_m: as if that were {height_mm:.0f} mm off. "
+    "Compared with the other body, the outline of the top of {name} is {percent:+.2f} ± {std_percent:.2f} % off the "
+    "size of its top_corners_m at its tracked_plane_height_m: as if that height were {height_mm:.0f} mm off. "
     "Measure that height (of the edges of the top above the floor) and the corners again."
 )
 
@@ -296,9 +296,9 @@ register(  # track
     ),
     FindingType(
         "clicks_scale", "track", WARNING, NOT_JUDGED,
-        "Compared with the other body, the clicks show the top of {name} {percent:+.1f} ± {std_percent:.1f} % larger "
-        "than its top_corners_m would appear at its tracked_plane_height_m. Check that height (of the clicked corners "
-        "above the floor), the corners, and the clicks.",
+        "Compared with the other body, the clicks show the top of {name} {percent:+.1f} ± {std_percent:.1f} % off "
+        "the size of its top_corners_m at its tracked_plane_height_m. Check that height (of the clicked corners above "
+        "the floor), the corners, and the clicks.",
     ),
     FindingType(
         "covered_at_start", "track", WARNING, NONE,

@@ -50,8 +50,8 @@ register(  # track
     ),
     FindingType(
         "top_lifted", "track", WARNING, NOT_JUDGED,
-        "The top of {name} is seen {percent:+.1f} % larger about {time_s:.2f} s than in the rest of the run, as one "
-        "that is {by_mm:.0f} mm higher or lower: it was lifted, or it climbed on something. Its poses then are not on "
+        "The size of the top of {name} about {time_s:.2f} s is {percent:+.1f} % off that in the rest of the run, as if "
+        "it were {by_mm:.0f} mm higher or lower: it was lifted, or it climbed on something. Its poses then are not on "
         "the floor, and no model of a tow moves it so.",
     ),
     FindingType(

@@ -399,8 +399,8 @@ def astray(fits: Sequence[OutlineFit], further: Array, together: OutlineFit) -> 
     square of how far those left out are off, by the share of what all know of that direction.
     """
     corrections = np.array([fit.correction for fit in fits])
-    covariances: Array = np.array([fit.covariance for fit in fits]) + further
-    information = np.linalg.inv(covariances)
+    covariances = np.array([fit.covariance for fit in fits]) + further
+    information = np.asarray(np.linalg.inv(covariances), dtype=np.float64)
     out = ~_agreeing(corrections, covariances, information)
     if not out.any():
         return np.zeros((3, 3))
