@@ -52,11 +52,13 @@ def test_edges_that_stand_off_at_random_move_the_middle_by_the_stated_deviation(
     left, right, lower, upper = bevel_m + std_m * rng.standard_normal((4, 4000))
     off = np.column_stack([right - left, upper - lower]) / 2
     sizes = np.column_stack([left + right, lower + upper])
-    variances = [stds_mm(registered(fits_of([one], [size]), size)) ** 2 for one, size in zip(off, sizes, strict=True)]
+    variances = [
+        stds_mm(registered(fits_of([one], [size]), size, 6e-4)) ** 2 for one, size in zip(off, sizes, strict=True)
+    ]
     assert np.mean(variances) == pytest.approx(1e6 * np.mean(off**2), rel=0.1)
 
 
-@pytest.mark.parametrize(("apart_px", "counts"), [(0.17, False), (0.35, True)])
+@pytest.mark.parametrize(("apart_px", "counts"), [(0.3, False), (0.4, True)])
 def test_sides_that_are_off_as_edges_usually_are_say_nothing(apart_px, counts):
     usual_m = np.array([0.0, apart_px * PIXEL_M])
     fit = registered(fits_of(np.zeros((5, 2)), np.tile(usual_m, (5, 1))), usual_m)

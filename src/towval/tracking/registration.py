@@ -7,16 +7,16 @@ import numpy as np
 
 from towval.model import Array
 from towval.tracking.noise import beyond
+from towval.tracking.outline import CONSTANTS as OUTLINE
 from towval.tracking.outline import OutlineFit, astray, combine_fits
 from towval.tracking.two_measurements import by_size
 
 
 @dataclass(frozen=True)
 class RegistrationConstants:
-    """Tuned constants of the registration; lengths in pixels are measured on the planar target."""
+    """Tuned constant of the registration; its length in pixels is measured on the planar target."""
 
     farthest_correction_px: float = 3.0  # [px] By all edges: clicks are that good.
-    apart_px: float = 0.25  # [px] By which length or width may be off: by 0.2 where a thin strip of the side shows.
 
 
 CONSTANTS = RegistrationConstants()
@@ -28,10 +28,10 @@ def registration(
     """The body frame by the ``fits`` of a run's outlines; None where they show none.
 
     A picture counts less in which length and width are not what they usually are: by ``usual_m`` (2,) more than stated.
-    Where that is more than edges stand off, one of two opposite sides may usually be something else's, and the middle
-    off by half of it: then stated lengths take the place of usual ones, and what these are off counts once for all
-    pictures. An edge that is not sharp, though, stands inside by as much on all sides, and moves no middle: what length
-    and width have in common is left out, unless they are larger than stated.
+    Where that is more than edges stand off, even that above a thin strip of the side, one of two opposite sides may
+    usually be something else's, and the middle off by half of it: then stated lengths take the place of usual ones, and
+    what these are off counts once for all pictures. An edge that is not sharp, though, stands inside by as much on all
+    sides, and moves no middle: what length and width have in common is left out, unless they are larger than stated.
 
     ``excess`` (n, 3, 3): covariances of the poses at which the outlines were fitted, of each picture; ``strayed``
     (3, 3): covariance of outlines that may be others'; ``pixel_m``: width of a pixel on the target [m].
@@ -39,7 +39,7 @@ def registration(
     if not fits:
         return None
     common = min(0.0, float(np.mean(usual_m)))
-    apart = bool(np.abs(usual_m - common).max() > CONSTANTS.apart_px * pixel_m)
+    apart = bool(np.abs(usual_m - common).max() > OUTLINE.other_size_px * pixel_m)
     expected = np.full(2, common) if apart else usual_m
     excess = excess + by_size(np.array([one.size for one in fits]) - expected)
     fit = combine_fits(fits, excess)
