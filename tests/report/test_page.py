@@ -228,13 +228,13 @@ def test_the_sentence_says_who_agrees_who_does_not_and_what_to_measure():
     bad = judged("d", Verdict.DISAGREES, 0.03)
     assert (
         sentence([*good, bad])
-        == "3 runs agree within 4.20 mm; run d does not, from 1.3 m on; measure the stiffness better first."
+        == "3 runs agree within 4.2 mm; run d does not, from 1.3 m on; measure the stiffness better first."
     )
-    assert sentence(good[:2]).startswith("Both runs agree within 4.20 mm;")
+    assert sentence(good[:2]).startswith("Both runs agree within 4.2 mm;")
     assert sentence([bad]) == "Run d does not agree, from 1.3 m on."
     unsure = judged("e", Verdict.CANNOT_TELL, 0.03)
     assert sentence([good[0], bad, unsure]).startswith(
-        "Run a agrees within 2.00 mm; run d does not, from 1.3 m on; run e leaves open"
+        "Run a agrees within 2.0 mm; run d does not, from 1.3 m on; run e leaves open"
     )
 
 
@@ -254,7 +254,7 @@ def test_a_slip_in_campaign_yaml_comes_before_what_to_measure_better(tmp_path):
 def test_a_bound_is_rounded_up_and_a_run_that_is_not_judged_has_none(verdict, cited):
     run = judged("a", verdict, 0.0022404)
     (row,) = result_rows([run])
-    assert row.bound == ("under 2.25 mm" if cited else "none: not judged")
+    assert row.bound == ("under 2.3 mm" if cited else "none: not judged")
     assert (row.detectable == "none: not judged") != cited
     assert dict(key_numbers(run.comparison))["at most"].startswith("none") != cited
     assert ("& 2.3 &" in summary_latex([run.comparison])) == cited

@@ -33,6 +33,7 @@ def test_lengths_and_angles_carry_their_units():
 
 def test_bounds_of_lengths_and_angles_are_rounded_up():
     assert (at_most(0.1241e-3), at_most_degrees(math.radians(0.1241))) == ("0.13 mm", "0.13°")
+    assert (at_most(3.02e-3), at_most(12.31e-3)) == ("3.1 mm", "12.4 mm")
     assert at_most_degrees(math.radians(0.13)) == "0.13°"
     assert {at_most(math.nan), at_most_degrees(math.inf)} == {"not computed"}
 

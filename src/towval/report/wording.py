@@ -28,8 +28,8 @@ def millimetres(value_m: float) -> str:
 
 
 def at_most(value_m: float) -> str:
-    """A bound in mm with the digits of :func:`millimetres`, rounded up: what is cited holds."""
-    return _bound(1e3 * value_m, " mm")
+    """A bound in mm, rounded up: what is cited holds. From 1 mm on it has one decimal, as in a verdict's sentences."""
+    return _bound(1e3 * value_m, " mm", 1 if value_m >= 1e-3 else None)
 
 
 def at_most_degrees(value_rad: float) -> str:
@@ -37,9 +37,9 @@ def at_most_degrees(value_rad: float) -> str:
     return _bound(math.degrees(value_rad), "°")
 
 
-def _bound(value: float, unit: str) -> str:
+def _bound(value: float, unit: str, decimals: int | None = None) -> str:
     text = decimal(value)
-    digits = len(text.partition(".")[2])
+    digits = len(text.partition(".")[2]) if decimals is None else decimals
     return f"{rounded_up(value, digits):.{digits}f}{unit}" if math.isfinite(value) else text
 
 
