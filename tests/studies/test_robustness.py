@@ -11,7 +11,7 @@ from studies.robustness.workflow_faults import fault_of
 from studies.tables.damage import look_at_files
 from towval.io.campaign import load_campaign
 from towval.io.manifest import MANIFEST, write_manifest
-from towval.io.mcap_file import write_mcap
+from towval.io.mcap_file import read_mcap, write_mcap
 from towval.io.provenance import provenance
 from towval.model.errors import InputError
 
@@ -91,6 +91,12 @@ def results(tmp_path):
     (tmp_path / "summary.csv").write_text("run,path_rms_m\na,0.533\n")
     write_manifest(tmp_path / MANIFEST, {*listed, tmp_path / "summary.csv"})
     return tmp_path
+
+
+def test_undamaged_results_are_read_within_the_memory_of_a_trial(results):
+    """Else damaged ones are refused for that, whatever is wrong with them."""
+    for path in sorted(results.rglob("*.mcap")):
+        assert attempt(lambda path=path: read_mcap(path)).kind == "returned", path
 
 
 def test_damaged_results_are_never_read_as_right(results, tmp_path_factory):

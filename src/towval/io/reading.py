@@ -25,7 +25,7 @@ def read_bytes(path: Path, most: int, remedy: str = "check the path, or copy the
         with open(handle, "rb") as stream:
             if status.st_size > most:
                 raise InputError(f"{path} is too long", got=f"{status.st_size} bytes", allowed=f"at most {most} bytes")
-            return stream.read(most)
+            return stream.read()
     except FileNotFoundError:
         raise InputError(f"{path} is missing", remedy=remedy) from None
     except OSError as error:
