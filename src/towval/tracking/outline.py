@@ -396,7 +396,7 @@ def astray(fits: Sequence[OutlineFit], further: Array, together: OutlineFit) -> 
     """Covariance (3, 3) of a registration ``together`` for the fits that did not count in it, as :func:`combine_fits`.
 
     Fits that differ cannot all be right, and how much each knows is as good a chance as any that it is: so it is the
-    square of how far those left out are off, by the share of what all know of that direction.
+    sum of squares of how far each one left out is off, by its share of what all know of that direction.
     """
     corrections = np.array([fit.correction for fit in fits])
     covariances = np.array([fit.covariance for fit in fits]) + further
@@ -404,9 +404,9 @@ def astray(fits: Sequence[OutlineFit], further: Array, together: OutlineFit) -> 
     out = ~_agreeing(corrections, covariances, information)
     if not out.any():
         return np.zeros((3, 3))
-    theirs, every = information[out].sum(axis=0), information.sum(axis=0)
-    off = np.linalg.solve(theirs, np.einsum("nij,nj->i", information[out], corrections[out] - together.correction))
-    return np.asarray(off @ theirs @ off / (off @ every @ off) * np.outer(off, off))
+    off, theirs, every = corrections[out] - together.correction, information[out], information.sum(axis=0)
+    share = np.einsum("ni,nij,nj->n", off, theirs, off) / np.einsum("ni,ij,nj->n", off, every, off)
+    return np.asarray(np.einsum("n,ni,nj->ij", share, off, off))
 
 
 def _agreeing(corrections: Array, covariances: Array, information: Array) -> NDArray[np.bool_]:
