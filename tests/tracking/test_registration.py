@@ -71,10 +71,12 @@ def test_noise_that_makes_sides_longer_counts_once():
     assert stds_mm(registered(noisy, (1e-3, -1e-3))) == pytest.approx(stds_mm(without))
 
 
-def test_pictures_whose_sides_are_as_far_apart_as_stated_count_more():
+@pytest.mark.parametrize("usual_m", [(0.0, 0.0), (0.0, 4e-3)])
+def test_pictures_whose_sides_are_as_far_apart_as_stated_count_more(usual_m):
+    """Even where most are not."""
     corrections = [(0.0, 0.0), (0.0, 0.0), (0.0, 2e-3), (0.0, 2.1e-3), (0.0, 1.9e-3)]
     sizes = [(0.0, 0.0), (0.0, 0.0), (0.0, 4e-3), (0.0, 4e-3), (0.0, 4e-3)]
-    fit = registered(fits_of(corrections, sizes), (0.0, 0.0))
+    fit = registered(fits_of(corrections, sizes), usual_m)
     assert abs(fit.correction[1]) < 1e-5
 
 
