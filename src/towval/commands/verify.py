@@ -42,12 +42,12 @@ def run(results: Path, campaign: Path | None = None) -> Outcome:
     made = sorted(path for path in results.rglob("*.mcap") if not path.name.startswith("."))
     made = [path for path in made if aside.isdisjoint(path.parents)]
     if not made and not (results / MANIFEST).exists():
-        campaigns = (results / "campaign.yaml").exists()
+        is_campaign = (results / "campaign.yaml").exists()
         raise InputError(
             f"{results} holds no results",
-            got="a campaign" if campaigns else None,
+            got="a campaign" if is_campaign else None,
             allowed="results/CAMPAIGN, with camera.mcap",
-            remedy=f"give the folder of its results, as results/{results.resolve().name}" if campaigns else None,
+            remedy=f"give the folder of its results, as results/{results.resolve().name}" if is_campaign else None,
         )
     origins: dict[Path, Origin] = {}
     faults = []

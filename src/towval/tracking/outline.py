@@ -377,10 +377,7 @@ def combine_fits(fits: Sequence[OutlineFit], further: Array | None = None) -> Ou
     errors of the rest count as fully correlated. ``further`` (n, 3, 3): covariances of the poses at which the outlines
     were fitted, which differ from picture to picture.
     """
-    corrections = np.array([fit.correction for fit in fits])
-    covariances = np.array([fit.covariance for fit in fits])
-    information = np.linalg.inv(covariances if further is None else covariances + further)
-    agree = _agreeing(corrections, np.linalg.inv(information), information)
+    corrections, covariances, information, agree = _weighed(fits, further)
     corrections, covariances, information = corrections[agree], covariances[agree], information[agree]
     spread = np.linalg.inv(information.sum(axis=0))
     mean = spread @ np.einsum("nij,nj->i", information, corrections)
@@ -398,15 +395,21 @@ def astray(fits: Sequence[OutlineFit], further: Array, together: OutlineFit) -> 
     Fits that differ cannot all be right, and how much each knows is as good a chance as any that it is: so it is the
     sum of squares of how far each one left out is off, by its share of what all know of that direction.
     """
-    corrections = np.array([fit.correction for fit in fits])
-    covariances = np.array([fit.covariance for fit in fits]) + further
-    information = np.asarray(np.linalg.inv(covariances), dtype=np.float64)
-    out = ~_agreeing(corrections, covariances, information)
+    corrections, _, information, agree = _weighed(fits, further)
+    out = ~agree
     if not out.any():
         return np.zeros((3, 3))
     off, theirs, every = corrections[out] - together.correction, information[out], information.sum(axis=0)
     share = np.einsum("ni,nij,nj->n", off, theirs, off) / np.einsum("ni,ij,nj->n", off, every, off)
     return np.asarray(np.einsum("n,ni,nj->ij", share, off, off))
+
+
+def _weighed(fits: Sequence[OutlineFit], further: Array | None) -> tuple[Array, Array, Array, NDArray[np.bool_]]:
+    """Corrections (n, 3) of fits, their covariances and what they know with ``further`` (n, 3, 3); which ones agree."""
+    corrections = np.array([fit.correction for fit in fits])
+    covariances = np.array([fit.covariance for fit in fits])
+    information = np.linalg.inv(covariances if further is None else covariances + further)
+    return corrections, covariances, information, _agreeing(corrections, np.linalg.inv(information), information)
 
 
 def _agreeing(corrections: Array, covariances: Array, information: Array) -> NDArray[np.bool_]:
