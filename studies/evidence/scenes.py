@@ -14,11 +14,11 @@ from studies.end_to_end import AUTO
 from studies.evidence.compute import shared_folder
 from studies.evidence.ledger import Check, Values
 from studies.evidence.planting import Planting, both, replaced, result_of
+from studies.evidence.tracker_faults import scattered
 from studies.tables import five_scenes
 from studies.tables.five_scenes import Scene
 from towval.model import TowingScene
 from towval.selection import draws, sample_points, simulation
-from towval.tracking.plane_tracker import PlaneTracker
 from towval.validation import sampler
 
 
@@ -63,12 +63,6 @@ def _lifted_or_laid(stated: Any) -> Any:
     return wrong
 
 
-def _shaken(measure: Any) -> Any:
-    """What tracks a body, with poses that scatter by 0.3 mm."""
-    rng = np.random.default_rng(1)
-    return result_of(lambda found: found and replace(found, pose=found.pose + rng.normal(0, [3e-4, 3e-4, 0])))(measure)
-
-
 SCENES = Check(
     _scenes,
     {
@@ -81,7 +75,7 @@ SCENES = Check(
         "floor, and poses scatter by another 0.3 mm": both(
             replaced(five_scenes, "PRESETS", _of_a_tangential_lens),
             replaced(end_to_end, "stated_longer", _lifted_or_laid),
-            replaced(PlaneTracker, "measure", _shaken),
+            scattered(3e-4, 0.0),
         ),
     },
     needs=("footage/lab_a", "footage/lab_c"),

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import sys
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from studies.evidence.compute import shared_folder
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import flawed, moved, repeated, replaced, result_of
+from studies.evidence.planting import both, flawed, moved, repeated, replaced
+from studies.evidence.tracker_faults import REFUSING, UNDOUBTING, UNDOUBTING_SAYS, scattered
 from studies.tables import tracking_accuracy, tracking_cpu, tracking_memory
 from studies.worlds.challenges import ACCURATE, FLAGGED, HARD
 from towval.io.video import Luma
-from towval.model import Severity, Track
-from towval.model.findings import finding
-from towval.model.tracks import TrackStatus
+from towval.tracking import follow
 from towval.tracking.plane_tracker import PlaneTracker
 
 _SEEDS = range(26900, 26910)
@@ -95,31 +93,14 @@ def _scenes() -> Values:
     return found
 
 
-def _contrary(tracks: Mapping[str, Track]) -> dict[str, Track]:
-    """Nothing is lost: a body stands where it was seen last; a warning goes with the tracks that had none."""
-    return {
-        body: replace(
-            track,
-            pose=pd.DataFrame(track.pose).ffill().bfill().to_numpy(),
-            covariance=pd.DataFrame(track.covariance.reshape(-1, 9)).ffill().bfill().to_numpy().reshape(-1, 3, 3),
-            status=np.full_like(track.status, TrackStatus.TRACKED),
-            findings=() if _warned(track) else (finding("low_texture", name=body, std_mm=1.0),),
-        )
-        for body, track in tracks.items()
-    }
-
-
-def _warned(track: Track) -> bool:
-    return any(each.severity is not Severity.NOTE for each in track.findings)
-
-
 SCENES = Check(
     _scenes,
     {
-        "poses scatter by 0.4 mm and 0.1°, every twentieth is lost and no other; runs are warned of that were not, "
-        "and none that were": replaced(
-            tracking_accuracy, "track", lambda original: flawed(4e-4, 2e-3)(result_of(_contrary)(original))
-        )
+        "measured poses scatter by 0.4 mm and 0.1°, those of every twentieth picture do not count, and any top is too "
+        "plain": both(
+            scattered(4e-4, 2e-3), REFUSING, replaced(follow, "CONSTANTS", lambda c: replace(c, low_texture_px=0.0))
+        ),
+        UNDOUBTING_SAYS: UNDOUBTING,
     },
 )
 
