@@ -104,22 +104,26 @@ def lift_findings(target: PlanarTarget, time_s: Array, pose: Array, size_m: Arra
     """
     if len(size_m) < _LOOKS:
         return ()
-    grown = (size_m - np.median(size_m, axis=0)) / np.ptp(target.body.top_corners_m, axis=0)
+    sizes = size_m / np.ptp(target.body.top_corners_m, axis=0)
+    usual = np.median(sizes, axis=0)
+    # Where an edge is not found, or is the top's for once, a side that is usually off comes out as stated.
+    grown = sizes - np.clip(sizes, np.minimum(usual, 0.0), np.maximum(usual, 0.0))
     # An edge that is hidden, or another one that is taken for it, changes the length or the width. Both may hop between
     # edges in one half of a second, but hardly in the same pictures.
     same_way = grown[:, 0] * grown[:, 1] > 0
     both = np.where(same_way, np.sign(grown[:, 0]) * np.abs(grown).min(axis=1), 0.0)
-    windows = np.lib.stride_tricks.sliding_window_view(np.column_stack([grown, both]), _LOOKS, axis=0)
-    along, across, together = np.median(windows, axis=-1).T
+    windows = np.lib.stride_tricks.sliding_window_view(np.column_stack([grown, both, sizes]), _LOOKS, axis=0)
+    along, across, together = np.median(windows[:, :3], axis=-1).T
     alike = np.minimum(np.minimum(np.abs(along), np.abs(across)) - np.abs(along - across), np.abs(together))
     # Of a top that hardly stands out sizes scatter from look to look by more than that.
-    scatter = STD_OF_MEDIAN / np.sqrt(2) * np.median(np.abs(np.diff(windows[:, :2], axis=-1)), axis=-1)
+    scatter = STD_OF_MEDIAN / np.sqrt(2) * np.median(np.abs(np.diff(windows[:, 3:], axis=-1)), axis=-1)
     std = np.sqrt(np.pi / 2 / _LOOKS) * np.linalg.norm(scatter, axis=1)
     alike = np.where(alike > START.scales_apart * std, alike, 0.0)
     worst = int(np.argmax(alike))
     if alike[worst] <= CONSTANTS.wrong:
         return ()
-    middle, size = worst + _LOOKS // 2, float(along[worst] + across[worst]) / 2
+    middle = worst + _LOOKS // 2
+    size = float(np.mean(np.median(windows[worst, 3:], axis=-1) - usual))
     by_mm = 1e3 * abs(size) * _distance_m(target, pose[middle])
     at_s = float(time_s[worst : worst + _LOOKS].mean())
     return (finding("top_lifted", name=target.body.name, percent=100 * size, time_s=at_s, by_mm=by_mm),)
