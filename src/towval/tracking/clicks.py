@@ -140,8 +140,13 @@ def _with_edges(
     stds_m = [fit.largest_std_m for fit in at_clicks if fit is not None]
     if len(stds_m) < len(views) or max(stds_m) > least_m:
         return list(found)
-    there = ((entry, observe_outline(views[0][0], target, entry[1])) for entry in found)
-    return [entry for entry, fit in there if fit is not None and fit.largest_std_m < OUTLINE.nearly_as_sure * stds_m[0]]
+    first = ((entry, observe_outline(views[0][0], target, entry[1])) for entry in found)
+    sure = (each for each, fit in first if fit is not None and fit.largest_std_m < OUTLINE.nearly_as_sure * stds_m[0])
+    return [
+        entry
+        for entry in sure
+        if all(observe_outline(luma, target, compose(step, entry[1])) is not None for luma, step in views[1:])
+    ]
 
 
 def _misled(target: PlanarTarget, pictures: Sequence[Luma], clicked: Array, place: Array) -> bool:
