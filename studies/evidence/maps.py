@@ -264,7 +264,7 @@ def _tracker() -> Values:
     return found
 
 
-TRACKER = Check(_tracker, {"a body's measured pose is the one before": LATE, UNDOUBTING_SAYS: UNDOUBTING})
+TRACKER = Check(_tracker, {f"a body's measured pose is the one before, {UNDOUBTING_SAYS}": both(LATE, UNDOUBTING)})
 
 VIEWS = Check(
     _counted(
