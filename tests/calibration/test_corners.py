@@ -159,6 +159,38 @@ def test_wrong_corner_counts_are_reported_with_the_right_ones(two_pictures):
     assert "9 × 6 inner corners" in error.value.remedy
 
 
+@pytest.fixture(scope="module")
+def covered_pictures() -> list[tuple[str, np.ndarray]]:
+    """A board of 9 × 6 inner corners, of which glare hides two columns in two pictures, and two rows in others."""
+    pattern, pictures = chessboard_pattern(9, 6, 40), []
+    for name, hidden in (("a", np.s_[:, :120]), ("b", np.s_[:, -120:]), ("c", np.s_[:120]), ("d", np.s_[-120:])):
+        covered = pattern.copy()
+        covered[hidden] = 235
+        pictures.append((name, picture(covered, pattern_to_image(covered, TURNED), SIZE)))
+    return pictures
+
+
+def test_boards_of_which_a_part_is_hidden_are_not_taken_for_smaller_ones(covered_pictures):
+    """Glare had been reported as another number of corners, which ``towval new`` wrote down."""
+    assert fitting_corner_counts(covered_pictures) is None
+    assert fitting_corner_counts(covered_pictures[:2]) == (7, 6)
+    with pytest.raises(InputError, match="4 pictures searched") as error:
+        find_boards(covered_pictures, CHESSBOARD, 1)
+    assert error.value.remedy.startswith("check that the pictures are those of the board, whole")
+    with pytest.raises(InputError) as error:
+        find_boards(covered_pictures[:2], CHESSBOARD, 1)
+    assert "7 × 6 inner corners, or so much of a larger one: no hand, glare" in error.value.remedy
+
+
+def test_a_whole_board_is_searched_for_where_a_few_pictures_show_a_part(covered_pictures, two_pictures):
+    pictures = [covered_pictures[i % 2] for i in range(8)]
+    pictures[3] = two_pictures[0]
+    pictures = [(f"{i}", image) for i, (_, image) in enumerate(pictures)]
+    found, unseen = find_boards(pictures, CHESSBOARD, 1)
+    assert [one.name for one in found] == ["3"]
+    assert len(unseen) == 7
+
+
 def test_of_two_boards_in_a_picture_the_marked_one_counts_or_the_one_that_does_not_stay():
     """A poster was taken for the board on the floor, and the pixel of the origin or the focal length blamed."""
     pattern = chessboard_pattern(9, 6, 40)

@@ -40,6 +40,7 @@ def find_boards(
     other picture with the reason. `InputError` where no picture shows the board, with the number of corners that would
     fit, if any does.
     """
+    shown = None
     with ThreadPoolExecutor(threads) as pool:
         sample = _spread(range(len(images)))
         finders = _finders(board)
@@ -49,7 +50,7 @@ def find_boards(
                 break
         else:
             quick = finders[0]
-            _check_corner_counts([images[i] for i in sample], board)
+            shown = _corner_counts_shown([images[i] for i in sample], board)
         known |= _searched(quick, images, [i for i in range(len(images)) if i not in known], pool)
         if board.kind == "chessboard":
             missing = [i for i in range(len(images)) if known[i] is None]
@@ -61,7 +62,7 @@ def find_boards(
                     break
     found = [known[i] for i in range(len(images))]
     if not any(found):
-        what = "check that the pictures are those of the board, whole and sharp"
+        what = shown or "check that the pictures are those of the board, whole and sharp"
         raise _no_board(len(images), board, what if board.kind == "chessboard" else _of_markers(images, sample, board))
     if board.kind == "chessboard":
         found = _without_others(images, found, board, marked_px or {}, threads)
@@ -144,14 +145,19 @@ def _finders(board: Board) -> list[_Finder]:
     return [partial(observe_charuco, board=one, old_layout=old) for one, old in charuco_layouts(board)]
 
 
-def _check_corner_counts(sample: Sequence[NamedImage], board: Board) -> None:
-    """Raise where the pictures show a chessboard with other numbers of corners."""
-    if board.kind != "chessboard":
-        return
-    fitting = fitting_corner_counts(sample)
-    if fitting is not None and fitting != (max(board.inner_corners), min(board.inner_corners)):
-        remedy = f"the pictures show a chessboard of {fitting[0]} × {fitting[1]} inner corners"
-        raise _no_board(len(sample), board, remedy)
+def _corner_counts_shown(sample: Sequence[NamedImage], board: Board) -> str | None:
+    """What to say of the numbers of corners that pictures show, where these may be a part of a chessboard's.
+
+    None where the pictures do not agree on others than the board's. `InputError` where they show more along a side.
+    """
+    fitting = None if board.kind != "chessboard" else fitting_corner_counts(sample)
+    whole = max(board.inner_corners), min(board.inner_corners)
+    if fitting is None or fitting == whole:
+        return None
+    shown = f"the pictures show a chessboard of {fitting[0]} × {fitting[1]} inner corners"
+    if fitting[0] > whole[0] or fitting[1] > whole[1]:
+        raise _no_board(len(sample), board, shown)
+    return f"{shown}, or so much of a larger one: no hand, glare or edge of the picture may hide a part of it"
 
 
 def _of_markers(images: Sequence[NamedImage], sample: Sequence[int], board: Board) -> str:
@@ -183,14 +189,16 @@ def _no_board(searched: int, board: Board, remedy: str) -> InputError:
 
 
 def fitting_corner_counts(images: Sequence[NamedImage]) -> tuple[int, int] | None:
-    """The numbers of inner corners, larger first, that two or more of the pictures agree on; None where none do."""
+    """The numbers of inner corners, larger first, that two or more of the pictures agree on; None where none do.
+
+    None, too, where others agree on more along one of the sides: all of them show a part of a larger board.
+    """
     flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_LARGER
     votes: Counter[tuple[int, int]] = Counter()
     for _, image in images:
         found, _, grid = cv2.findChessboardCornersSBWithMeta(image, (4, 4), flags)
         if found:
             votes[max(grid.shape), min(grid.shape)] += 1
-    if not votes:
-        return None
-    counts, agreeing = votes.most_common(1)[0]
-    return counts if agreeing > 1 else None
+    agreed = [counts for counts, agreeing in votes.items() if agreeing > 1]
+    whole = max((counts[0] for counts in agreed), default=0), max((counts[1] for counts in agreed), default=0)
+    return whole if whole in agreed else None
