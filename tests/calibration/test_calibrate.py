@@ -224,6 +224,19 @@ def test_a_refusal_says_that_no_board_is_held_where_the_floor_s_pattern_finds_al
     assert "narrow floor.more_images" in error.value.remedy
 
 
+def test_a_refusal_names_the_held_pictures_that_show_no_whole_board(monkeypatch):
+    """With glare on all of them, more tilt had been asked for."""
+    scene = calibration_set(87, views=4, tilt_deg=(2.0, 3.0), floor="boards")
+    named = [(s.name, np.zeros((1080, 1920), np.uint8)) for s in scene.seen.observations]
+    found = [s for s in scene.seen.observations if s.name in ("board 3", *(s.name for s in scene.seen.floor_boards))]
+    glare = {f"board {i}": "no whole board found" for i in range(3)}
+    monkeypatch.setattr("towval.calibration.calibrate.find_boards", lambda *_: (found, glare))
+    with pytest.raises(RefusedError) as error:
+        calibrate(named[:4], named[4:], BOARD, scene.seen.reference, QUICK)
+    assert error.value.got.startswith("3 of 4 held pictures: no whole board found. The ")
+    assert error.value.remedy.startswith("look at board 0, board 1, board 2: the board must be sharp, and no hand")
+
+
 def charuco_pictures(count: int) -> tuple[list[tuple[str, np.ndarray]], np.ndarray]:
     """A ChArUco board of 9 × 6 squares of 50 mm, rendered in tilted poses by a camera without lens, and its matrix."""
     size, square_px = (960, 540), 40

@@ -37,6 +37,7 @@ _NONE_IS_HELD = (
     "every picture of camera.calibration_images is one of the floor's, too, and its board was taken to lie flat on the "
     "floor: narrow floor.more_images to those that do"
 )
+_MUST_BE_SEEN = "the board must be sharp, and no hand, glare or edge of the picture may hide a part of a chessboard"
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,10 @@ def calibrate(
         # A single mark that is metres off may leave all else uncertain.
         codes = "mark-left-out", "mark-misfit"
         marks = [finding.text for finding in calibration.findings if finding.code in codes][:1]
+        unseen = [name for name in without_board if name not in floor_names]
+        if len(unseen) > len(held):
+            marks.append(f"{len(unseen)} of {len(unseen) + len(held)} held pictures: {without_board[unseen[0]]}.")
+            remedy = f"look at {some_of(unseen)}: {_MUST_BE_SEEN}"
         raise RefusedError("the calibration views are degenerate", got=" ".join([*marks, *refusals]), remedy=remedy)
     return calibration
 
