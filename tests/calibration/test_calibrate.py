@@ -17,6 +17,7 @@ from studies.worlds.boards import CornerScene, axis_rotation, calibration_set
 from towval.calibration.board_search import find_boards
 from towval.calibration.calibrate import CalibrateSettings, _listed, calibrate, calibrate_observations
 from towval.calibration.observations import CalibrationObservations
+from towval.calibration.sound_views import _sound
 from towval.model import Board, Calibration, Camera, Floor, FloorReference, Severity
 from towval.model.errors import InputError, RefusedError
 from towval.model.geometry import transform
@@ -104,6 +105,20 @@ def test_a_floor_board_that_does_not_fit_is_refused_as_origin():
     flat[0] = replace(flat[0], corners_px=flat[0].corners_px + np.random.default_rng(0).normal(0, 3.0, (54, 2)))
     with pytest.raises(RefusedError, match="fixes the floor frame"):
         calibrated(replace(scene, seen=replace(scene.seen, floor_boards=tuple(flat))))
+
+
+@pytest.mark.parametrize(("kind", "kept"), [("noise", True), ("misfit", False)])
+def test_small_squares_may_be_noisier_but_fit_no_worse(kind, kept):
+    """Sound sets of a small camera had been refused, since boards on the floor are noisier than those held near."""
+    scene, rng = calibration_set(88, noise_px=0.03, floor="boards"), np.random.default_rng(88)
+    flat = list(scene.seen.floor_boards)
+    for i in range(7) if kind == "noise" else [3]:
+        x, y = 6 * (flat[i].board_m - flat[i].board_m.mean(axis=0)).T
+        off = rng.standard_normal((54, 2)) if kind == "noise" else np.column_stack([x * y, x**2 - y**2])
+        off *= 0.2 / np.sqrt(np.mean(off**2))
+        flat[i] = replace(flat[i], corners_px=flat[i].corners_px + off)
+    sound = _sound(replace(scene.seen, floor_boards=tuple(flat)), 4.0, fisheye=False)
+    assert list(sound.dropped) == ([] if kept else ["floor 3"])
 
 
 def test_two_views_are_refused():

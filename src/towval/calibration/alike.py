@@ -39,7 +39,7 @@ def without_repeats(observed: CalibrationObservations) -> tuple[CalibrationObser
 
 def lies_where(one: BoardObservation, other: BoardObservation) -> bool:
     """Whether a chessboard lies where another picture shows one, whole both."""
-    return bool(_apart_px(other.corners_px[None], one.corners_px)[0] < CONSTANTS.apart * _square_px(one))
+    return bool(_apart_px(other.corners_px[None], one.corners_px)[0] < CONSTANTS.apart * square_px(one))
 
 
 def _repeats(kept: Sequence[BoardObservation], boards: Sequence[BoardObservation]) -> dict[str, str]:
@@ -50,7 +50,7 @@ def _repeats(kept: Sequence[BoardObservation], boards: Sequence[BoardObservation
     corners, distinct = _on_one_board(every), list(range(max(1, len(kept))))
     repeats: dict[str, str] = {}
     for i in range(len(distinct), len(every)):
-        near = _apart_px(corners[distinct], corners[i]) < CONSTANTS.apart * _square_px(every[i])
+        near = _apart_px(corners[distinct], corners[i]) < CONSTANTS.apart * square_px(every[i])
         if near.any():
             repeats[every[i].name] = every[distinct[int(np.argmax(near))]].name
         else:
@@ -83,7 +83,7 @@ def _apart_px(others: Array, own: Array) -> Array:
     return np.asarray(np.sqrt(np.where(enough, mean, np.inf)).min(axis=0))
 
 
-def _square_px(board: BoardObservation) -> float:
+def square_px(board: BoardObservation) -> float:
     """Side of a square in the picture, the root of its area [px]."""
     along = np.linalg.norm(board.board_m - board.board_m[0], axis=1)
     centred = board.board_m - board.board_m.mean(axis=0)

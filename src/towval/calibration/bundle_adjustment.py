@@ -32,7 +32,7 @@ class AdjustmentConstants:
 
 CONSTANTS = AdjustmentConstants()
 
-_RAYLEIGH_MEDIAN = np.sqrt(2 * np.log(2))
+RAYLEIGH_MEDIAN = np.sqrt(2 * np.log(2))
 """Median length of a two-dimensional Gaussian vector, in standard deviations of one coordinate."""
 
 _Step = tuple[Array, Array]
@@ -96,7 +96,7 @@ def _huber_weight(lengths: Array, spread_px: Array) -> Array:
 def _spread(stack: Stack, estimate: Estimate) -> Array:
     """Robust standard deviation (V,) of the residuals of each block [px], at least that of its corners."""
     medians = stack.medians(stack.lengths(stack.residual(estimate)))
-    return np.asarray(np.maximum(medians / _RAYLEIGH_MEDIAN, _std(stack, estimate)))
+    return np.asarray(np.maximum(medians / RAYLEIGH_MEDIAN, _std(stack, estimate)))
 
 
 def _normal(stack: Stack, estimate: Estimate, active: NDArray[np.intp], spread_px: Array) -> _Normal:
@@ -237,7 +237,7 @@ def _median_noise(stack: Stack, estimate: Estimate) -> float:
     lengths = stack.lengths(stack.residual(estimate))[stack.estimated]
     if not lengths.size:
         return 1.0
-    return float(max(np.median(lengths[stack.there[stack.estimated]]) / _RAYLEIGH_MEDIAN, 1e-4))
+    return float(max(np.median(lengths[stack.there[stack.estimated]]) / RAYLEIGH_MEDIAN, 1e-4))
 
 
 def _noise(stack: Stack, estimate: Estimate, shared_unknowns: int) -> float:

@@ -8,12 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from towval.calibration.adequacy import marks_std_px
+from towval.calibration.alike import square_px
 from towval.calibration.blocks import Estimate, Placement, residuals
-from towval.calibration.bundle_adjustment import adjust
+from towval.calibration.bundle_adjustment import RAYLEIGH_MEDIAN, adjust
+from towval.calibration.corners import BoardObservation
 from towval.calibration.doubts import Settled, settle, without_prejudice
 from towval.calibration.lens import LensTrial, active_parameters, choose_lens, families, may_be_fisheye
 from towval.calibration.observations import CalibrationObservations, first_guess, unflipped
-from towval.model import CALIBRATION_PARAMETERS
+from towval.model import CALIBRATION_PARAMETERS, Array
 from towval.model.errors import RefusedError
 
 _FIRST_MODELS = ("k1", "k1 k2"), ("fisheye k1", "fisheye k1 k2")
@@ -74,8 +76,8 @@ def adjust_sound_views(
 
     Without a floor a pinhole camera that fits is kept: such a calibration is for other programs, which know it.
     ``models`` to choose the lens from, with ``folds`` of the cross-validation; ``misfit_ratio``: a view with residuals
-    this many times those of the median view is dropped. `RefusedError` where too few views are left, or the board that
-    fixes the floor frame does not fit.
+    this many times those of the median view, or the noise of its own smaller squares, is dropped. `RefusedError` where
+    too few views are left, or the board that fixes the floor frame does not fit.
     """
     pinholes, fisheyes = families(models)
     try:
@@ -158,11 +160,35 @@ def _fit_to_judge(
         estimate = unflipped(observed, adjust(observed.blocks, estimate, active))
         found = residuals(observed.blocks, estimate)[: len(observed.observations)]
         rms_px = [float(np.sqrt(np.mean(r**2))) for r in found]
-        usual, worst = float(np.median(rms_px)), int(np.argmax(rms_px))
-        if rms_px[worst] <= max(misfit_ratio * usual, CONSTANTS.smallest_misfit_px):
+        usual = float(np.median(rms_px))
+        expected_px = np.maximum(usual, _scatter_px(observed.observations, found, usual))
+        worst = int(np.argmax(rms_px / expected_px))
+        if rms_px[worst] <= max(misfit_ratio * expected_px[worst], CONSTANTS.smallest_misfit_px):
             return estimate, None
     reason = f"does not fit: {rms_px[worst]:.2f} px RMS where half of the views have {usual:.2f} px or less"
     return estimate, (observed.observations[worst].name, reason)
+
+
+def _scatter_px(boards: Sequence[BoardObservation], found: Sequence[Array], usual_px: float) -> Array:
+    """Noise (n,) of the corners of each board beside what displaces neighbours alike, in its residuals (k, 2) [px].
+
+    The smaller its squares the fewer pixels tell a corner: no more counts than so much smaller squares explain of the
+    usual noise.
+    """
+    squares_px = np.array([square_px(board) for board in boards])
+    noise_px = [_beside_surface(board.on_board, residual) for board, residual in zip(boards, found, strict=True)]
+    return np.asarray(np.minimum(noise_px, usual_px * np.median(squares_px) / squares_px))
+
+
+def _beside_surface(places: Array, residual: Array) -> float:
+    """Robust deviation of a coordinate of residuals (k, 2) from a surface of second order over places (k, 2)."""
+    x, y = places.T
+    surface = np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y])
+    spare = len(places) - surface.shape[1]
+    if spare <= 0:
+        return 0.0
+    off = residual - surface @ np.linalg.lstsq(surface, residual, rcond=None)[0]
+    return float(np.median(np.linalg.norm(off, axis=1)) / RAYLEIGH_MEDIAN * np.sqrt(len(places) / spare))
 
 
 def _with_honest_marks(
