@@ -16,6 +16,7 @@ from studies.worlds import boards
 from studies.worlds.boards import CornerScene, axis_rotation, calibration_set
 from towval.calibration.board_search import find_boards
 from towval.calibration.calibrate import CalibrateSettings, _listed, calibrate, calibrate_observations
+from towval.calibration.doubts import doubts_std
 from towval.calibration.observations import CalibrationObservations
 from towval.calibration.sound_views import _sound
 from towval.model import Board, Calibration, Camera, Floor, FloorReference, Severity
@@ -237,6 +238,18 @@ def test_a_refusal_says_that_no_board_is_held_where_the_floor_s_pattern_finds_al
     with pytest.raises(RefusedError) as error:
         calibrate(named, named, BOARD, scene.seen.reference, QUICK)
     assert "narrow floor.more_images" in error.value.remedy
+
+
+def test_a_wrong_mark_of_four_is_not_taken_for_another_zoom_of_the_held_pictures():
+    """The held pictures had been corrected for it, by hundreds of pixels."""
+    scene = calibration_set(89, noise_px=0.05)
+    marks = scene.seen.reference
+    off = marks.marks_m[[0, 2, 6, 8]] + [[0.0, 0.0], [0.05, 0.0], [0.0, 0.0], [0.0, 0.0]]
+    reference = replace(marks, marks_px=marks.marks_px[[0, 2, 6, 8]], marks_m=off, mark_std_px=0.5)
+    seen = replace(scene.seen, reference=reference, doubts_std=doubts_std(BOARD, reference))
+    codes = {one.code for one in calibrate_observations(seen, QUICK, {}).findings}
+    assert "mark-misfit" in codes
+    assert "held-differ" not in codes
 
 
 def test_a_refusal_names_the_held_pictures_that_show_no_whole_board(monkeypatch):

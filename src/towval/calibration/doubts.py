@@ -16,6 +16,7 @@ from towval.calibration.blocks import BOARD_DOUBTS, CAMERA_END, DOUBTS, HELD_DOU
 from towval.calibration.bundle_adjustment import adjust, whitened
 from towval.calibration.lens import LensTrial, active_parameters, choose_lens, try_lenses
 from towval.calibration.observations import CalibrationObservations
+from towval.calibration.stray_marks import FEWEST_TO_TELL
 from towval.calibration.view_covariance import view_covariance
 from towval.model import Array, Board, Finding, FloorReference
 from towval.model.findings import finding
@@ -122,9 +123,13 @@ def without_prejudice(observed: CalibrationObservations, estimate: Estimate, mod
 
 
 def _open(observed: CalibrationObservations, doubts: Doubts) -> Doubts:
-    """Those of the doubts that have a deviation, and pictures that could tell."""
+    """Those of the doubts that have a deviation, and pictures that could tell.
+
+    Of few surveyed marks alone a wrong one looks like another zoom and crop of the held pictures.
+    """
     free = observed.doubts_std[doubts - CAMERA_END] > 0
-    if observed.reference is None or not observed.boards:
+    neither = observed.reference is None or not observed.boards
+    if neither or (not observed.floor_boards and observed.marks < FEWEST_TO_TELL):
         free &= ~np.isin(doubts, HELD_DOUBTS)
     return doubts[free]
 

@@ -33,8 +33,8 @@ class StrayMarksConstants:
 
 CONSTANTS = StrayMarksConstants()
 
-_UNKNOWNS = 9
-"""Of a plane seen by a camera: eight of its homography, one of the lens."""
+FEWEST_TO_TELL = 9
+"""Marks, as many as the unknowns of a plane seen by a camera: eight of its homography, one of the lens."""
 
 _LENSES = (-0.5, -0.3, 0.02, 0.4, 0.7, 1.0, 1.2, 1.35, 1.45)
 """Lenses ``w`` to begin with, negative where they draw out: with equal angles, the angle to the axis of a corner."""
@@ -50,7 +50,7 @@ def sound_marks(reference: FloorReference, resolution_px: tuple[int, int]) -> ND
     are far off.
     """
     count = len(reference.marks_px)
-    if count < _UNKNOWNS:
+    if count < FEWEST_TO_TELL:
         return np.ones(count, dtype=bool)
     off_px = _off_px(reference, resolution_px)
     sound: NDArray[np.bool_] = off_px <= CONSTANTS.far * max(float(np.median(off_px)), reference.mark_std_px)
