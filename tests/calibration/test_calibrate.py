@@ -252,6 +252,21 @@ def test_a_wrong_mark_of_four_is_not_taken_for_another_zoom_of_the_held_pictures
     assert "held-differ" not in codes
 
 
+def test_a_fit_that_ends_nowhere_is_refused(monkeypatch):
+    """One slip of the decimal point among six marks had ended in a traceback."""
+
+    def astray(*_):
+        raise np.linalg.LinAlgError("Singular matrix")
+
+    monkeypatch.setattr("towval.calibration.calibrate._calibrated", astray)
+    with pytest.raises(RefusedError, match="no camera fits") as error:
+        calibrate_observations(calibration_set(90).seen, QUICK, {})
+    assert "floor.surveyed_marks" in error.value.remedy
+    with pytest.raises(RefusedError) as error:
+        calibrate_observations(calibration_set(90, floor="boards").seen, QUICK, {})
+    assert "floor.surveyed_marks" not in error.value.remedy
+
+
 def test_a_refusal_names_the_held_pictures_that_show_no_whole_board(monkeypatch):
     """With glare on all of them, more tilt had been asked for."""
     scene = calibration_set(87, views=4, tilt_deg=(2.0, 3.0), floor="boards")

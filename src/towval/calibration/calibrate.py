@@ -194,13 +194,21 @@ def calibrate_observations(
     A degenerate set is in the findings, with the severity of a refusal where it is hopeless. `RefusedError` where too
     few views are left, or the board that fixes the floor frame does not fit.
     """
-    if not observed.marks:
-        return _calibrated(observed, settings, without_board, heights_m)
-    return with_sound_marks(
-        observed.floor_reference,
-        observed.resolution_px,
-        lambda sound: _calibrated(replace(observed, reference=sound), settings, without_board, heights_m),
-    )
+    try:
+        if not observed.marks:
+            return _calibrated(observed, settings, without_board, heights_m)
+        return with_sound_marks(
+            observed.floor_reference,
+            observed.resolution_px,
+            lambda sound: _calibrated(replace(observed, reference=sound), settings, without_board, heights_m),
+        )
+    except np.linalg.LinAlgError:
+        marks = "the pixel and the coordinates of each of floor.surveyed_marks, and " if observed.marks else ""
+        raise RefusedError(
+            "no camera fits the calibration",
+            got=f"{len(observed.observations)} pictures of the board and {observed.marks} surveyed marks",
+            remedy=f"check {marks}that all pictures are of one camera and show the board that is stated",
+        ) from None
 
 
 def _calibrated(
