@@ -13,7 +13,7 @@ import numpy as np
 
 from studies.evidence.compute import shared_folder
 from studies.evidence.ledger import Check, Values
-from studies.evidence.planting import both, flawed, moved, repeated, replaced
+from studies.evidence.planting import both, flawed, moved, repeated, replaced, result_of
 from studies.evidence.tracker_faults import REFUSING, UNDOUBTING, UNDOUBTING_SAYS, scattered
 from studies.tables import tracking_accuracy, tracking_cpu, tracking_memory
 from studies.worlds.challenges import ACCURATE, FLAGGED, HARD
@@ -21,6 +21,7 @@ from towval.io.video import Luma
 from towval.tracking import follow
 from towval.tracking.plane_tracker import PlaneTracker
 
+_HERE = sys.modules[__name__]
 _SEEDS = range(26900, 26910)
 
 
@@ -101,6 +102,13 @@ SCENES = Check(
             scattered(4e-4, 2e-3), REFUSING, replaced(follow, "CONSTANTS", lambda c: replace(c, low_texture_px=0.0))
         ),
         UNDOUBTING_SAYS: UNDOUBTING,
+        "outlines are stated to be half as uncertain, in every tenth frame alone": both(
+            replaced(
+                follow, "registration", result_of(lambda fit: fit and replace(fit, covariance=fit.covariance / 4))
+            ),
+            replaced(_HERE, "HARD", lambda scenes: {name: scenes[name] for name in ("every 10th frame",)}),
+            replaced(_HERE, "FLAGGED", lambda _: {}),
+        ),
     },
 )
 
