@@ -144,11 +144,6 @@ def _presets() -> Values:
     return found
 
 
-def _taking(*three: str) -> Planting:
-    """The presets that are compared."""
-    return replaced(presets_auto, "PRESETS", lambda _: three)
-
-
 _CHOOSING_STRICTER = """
 import importlib.machinery, sys
 
@@ -176,12 +171,10 @@ PRESETS = Check(
     _presets,
     {
         "presets auto, draft and fine in place of draft, auto and fine; the tether is stated 5 cm too long": both(
-            _taking("auto", "draft", "fine"), lab.stating(rest_length_m="0.65")
+            replaced(presets_auto, "PRESETS", lambda _: ("auto", "draft", "fine")), lab.stating(rest_length_m="0.65")
         ),
         "boards are stated to be known to 2 % of their size": lab.stating(square_m="0.04\n    size_std: 0.02"),
-        "a choice may move positions by a tenth of what it may; presets draft and auto beside draft": both(
-            _read_first(_CHOOSING_STRICTER), _taking("draft", "auto", "draft")
-        ),
+        "a choice may move positions by a tenth of what it may": _read_first(_CHOOSING_STRICTER),
     },
     needs=("footage/lab_a",),
 )

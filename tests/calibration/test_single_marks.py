@@ -10,6 +10,7 @@ from studies.worlds.boards import CornerScene, calibration_set
 from towval.calibration.calibrate import CalibrateSettings, calibrate_observations
 from towval.calibration.marks_alone import calibrate_marks
 from towval.model import Calibration
+from towval.model.errors import InputError
 from towval.optics.projection import project
 
 QUICK = CalibrateSettings(lens_models=("k1", "k1 k2"), folds=3)
@@ -62,6 +63,22 @@ def test_marks_that_are_off_are_named_and_none_beside_them():
 @pytest.mark.parametrize("kept", [[0, 2, 6, 8], list(range(9))])
 def test_sound_marks_are_not_named(seed, kept):
     assert named(calibrated(calibration_set(seed), kept, {})) == []
+
+
+@pytest.mark.parametrize(
+    ("floor", "count", "deviations", "refused"),
+    [("both", 4, 35.0, False), ("both", 4, 70.0, True), ("marks", 8, 70.0, True), ("marks", 9, 70.0, False)],
+)
+def test_a_slip_among_too_few_marks_to_leave_one_out_is_refused(floor, count, deviations, refused):
+    """Beside boards on the floor places were 0.2 m off by one mark of four, which a warning named."""
+    scene = calibration_set(69, floor=floor)
+    if not refused:
+        texts = [one.text for one in calibrated(scene, list(range(count)), {2: deviations}).findings]
+        assert any("surveyed mark" in text and places(scene, [2])[0] in text for text in texts)
+        return
+    with pytest.raises(InputError, match="contradict each other, or the boards") as error:
+        calibrated(scene, list(range(count)), {2: deviations})
+    assert places(scene, [2])[0] in error.value.got
 
 
 @pytest.mark.parametrize("off", [0.0, 12.0])

@@ -16,7 +16,7 @@ from towval.calibration.blocks import BOARD_DOUBTS, CAMERA_END, DOUBTS, HELD_DOU
 from towval.calibration.bundle_adjustment import adjust, whitened
 from towval.calibration.lens import LensTrial, active_parameters, choose_lens, try_lenses
 from towval.calibration.observations import CalibrationObservations
-from towval.calibration.stray_marks import FEWEST_TO_TELL
+from towval.calibration.single_marks import FEWEST_TO_TELL
 from towval.calibration.view_covariance import view_covariance
 from towval.model import Array, Board, Finding, FloorReference
 from towval.model.findings import finding

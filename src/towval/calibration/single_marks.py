@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from towval.calibration.blocks import CAMERA_END, Block, Estimate
 from towval.calibration.bundle_adjustment import marginal_covariance, whitened
 from towval.model import Finding
+from towval.model.errors import InputError
 from towval.model.findings import finding
 
 
@@ -22,9 +23,13 @@ class SingleMarksConstants:
     """Tuned constant of the search for marks that are off."""
 
     misfit: float = 4.0  # Deviations from where the others put a mark: one sound mark in 3,000 is farther off.
+    slip: float = 50.0  # The same, of a slip of the tape or of the decimal point: none is rough by so much.
 
 
 CONSTANTS = SingleMarksConstants()
+
+FEWEST_TO_TELL = 9
+"""Marks, as many as the unknowns of a plane seen by a camera: eight of its homography, one of the lens."""
 
 _ROUNDING = 1e-6  # Share of a mark's errors that its residual must keep: below it nothing else tells where it is.
 
@@ -36,7 +41,7 @@ def misfit_findings(
 
     The last of ``blocks`` are the marks, ``stated_px`` is their stated deviation, maybe less than that of the fit of
     the ``active`` parameters. The worst is left out, and those named with it that would explain the misfit nearly as
-    well, until the others agree.
+    well, until the others agree. `InputError` for a slip among too few marks to tell which of them it is.
     """
     marks = blocks[-1]
     ((residual, by_shared, _),) = whitened(blocks[-1:], estimate.of([len(blocks) - 1]), np.arange(CAMERA_END))
@@ -55,6 +60,15 @@ def misfit_findings(
         moved = P @ A[worst].T
         r, P = r + A @ moved @ off[worst], P + moved @ np.linalg.solve(own[worst], moved.T)
         left.remove(worst)
+    if len(r) < FEWEST_TO_TELL and max(off_px.values(), default=0.0) > CONSTANTS.slip * stated_px:
+        named = "; ".join(f"{marks.points_m[i, :2].tolist()} m by {off_px[i]:.0f} px" for i in off_px)
+        raise InputError(
+            "the surveyed marks contradict each other, or the boards",
+            got=f"where the others put them they are not: {named}",
+            allowed=f"places on one floor [m] and their pixels in one picture of the camera; of fewer than "
+            f"{FEWEST_TO_TELL} marks none can be left out",
+            remedy="check the pixels and the coordinates of these marks in floor.surveyed_marks",
+        )
     return [
         finding("mark-misfit", at_m=marks.points_m[i, :2].tolist(), distance_px=off_px[i], stated_px=stated_px)
         for i in sorted(off_px, key=lambda i: -off_px[i])

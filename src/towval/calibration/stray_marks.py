@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from towval.calibration.single_marks import CONSTANTS as SINGLE
+from towval.calibration.single_marks import FEWEST_TO_TELL
 from towval.model import Array, Calibration, FloorReference
 from towval.model.errors import InputError
 from towval.model.findings import finding
@@ -32,9 +33,6 @@ class StrayMarksConstants:
 
 
 CONSTANTS = StrayMarksConstants()
-
-FEWEST_TO_TELL = 9
-"""Marks, as many as the unknowns of a plane seen by a camera: eight of its homography, one of the lens."""
 
 _LENSES = (-0.5, -0.3, 0.02, 0.4, 0.7, 1.0, 1.2, 1.35, 1.45)
 """Lenses ``w`` to begin with, negative where they draw out: with equal angles, the angle to the axis of a corner."""
