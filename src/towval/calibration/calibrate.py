@@ -192,7 +192,8 @@ def calibrate_observations(
     ``without_board`` are names of pictures without a board and the reason, for the record. Without a floor
     (``observed.reference`` None) the camera alone is calibrated and the floor of the result is the camera frame itself.
     A degenerate set is in the findings, with the severity of a refusal where it is hopeless. `RefusedError` where too
-    few views are left, or the board that fixes the floor frame does not fit.
+    few views are left, the board that fixes the floor frame does not fit, or no camera does; `InputError` where
+    surveyed marks contradict each other.
     """
     try:
         if not observed.marks:
