@@ -17,15 +17,15 @@ from studies.comparators import lab_tow_models
 from studies.comparators.break_away import break_away_s
 from studies.evidence.ledger import Check, Values
 from studies.evidence.planting import both, given, replaced, result_of
-from studies.evidence.tracker_faults import LATE, UNDOUBTING, UNDOUBTING_SAYS
 from studies.frame import Judgement, Part, Row, Settings, Study
 from studies.maps import integrators, lab_tows, open_loop, planner, tracker, views
 from studies.tables import physics_stability_space
 from studies.tables.workflow_time import REPOSITORY, SAMPLE
 from towval.commands import plan
-from towval.model import Array, Ground, SimulatedMotion
+from towval.model import Array, Ground, SimulatedMotion, Track
 from towval.model.errors import RefusedError
 from towval.model.findings import Severity
+from towval.model.tracks import TrackStatus
 from towval.physics.dynamics import STANDARD, Accuracy
 from towval.planning import plan as loop
 from towval.planning import planner as rover_planner
@@ -264,7 +264,23 @@ def _tracker() -> Values:
     return found
 
 
-TRACKER = Check(_tracker, {f"a body's measured pose is the one before, {UNDOUBTING_SAYS}": both(LATE, UNDOUBTING)})
+def _late_and_silent(tracks: Mapping[str, Track]) -> dict[str, Track]:
+    """Poses a frame late, none of them lost, and nothing found."""
+    return {
+        body: replace(
+            track,
+            pose=np.concatenate([track.pose[:1], track.pose[:-1]]),
+            status=np.full_like(track.status, TrackStatus.TRACKED),
+            findings=(),
+        )
+        for body, track in tracks.items()
+    }
+
+
+TRACKER = Check(
+    _tracker,
+    {"poses are a frame late, and nothing is said of any": replaced(tracker, "track", result_of(_late_and_silent))},
+)
 
 VIEWS = Check(
     _counted(

@@ -32,24 +32,6 @@ def scattered(position_m: float, heading_rad: float) -> Planting:
     return replaced(PlaneTracker, "measure", wrong)
 
 
-def _a_picture_late(original: Callable[..., Measurement | None]) -> Callable[..., Measurement | None]:
-    before: WeakKeyDictionary[PlaneTracker, Measurement] = WeakKeyDictionary()
-
-    def measure(tracker: PlaneTracker, *given: Any) -> Measurement | None:
-        found = original(tracker, *given)
-        if found is None:
-            return None
-        last = before.get(tracker, found)
-        before[tracker] = found
-        return replace(found, pose=last.pose)
-
-    return measure
-
-
-LATE: Planting = replaced(PlaneTracker, "measure", _a_picture_late)
-"""A target's measured pose is that of the measurement before."""
-
-
 def _each_twentieth_refused(original: Callable[..., Measurement | None]) -> Callable[..., Measurement | None]:
     pictures: WeakKeyDictionary[Follower, int] = WeakKeyDictionary()
 
