@@ -64,7 +64,7 @@ def misfit_findings(
         named = "; ".join(f"{marks.points_m[i, :2].tolist()} m by {off_px[i]:.0f} px" for i in off_px)
         raise InputError(
             "the surveyed marks contradict each other, or the boards",
-            got=f"where the others put them they are not: {named}",
+            got=f"far from where the others put them: {named}",
             allowed=f"places on one floor [m] and their pixels in one picture of the camera; of fewer than "
             f"{FEWEST_TO_TELL} marks none can be left out",
             remedy="check the pixels and the coordinates of these marks in floor.surveyed_marks",
