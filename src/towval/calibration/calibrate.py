@@ -26,6 +26,7 @@ from towval.calibration.corners import BoardObservation
 from towval.calibration.doubts import doubts_std
 from towval.calibration.floor import in_floor_axes
 from towval.calibration.lens import LENS_MODELS, NESTED, LensTrial
+from towval.calibration.marks_scale import check_scale
 from towval.calibration.observations import MARKS_VIEW, CalibrationObservations
 from towval.calibration.sound_views import Adjusted, adjust_sound_views
 from towval.calibration.stray_marks import with_sound_marks
@@ -193,11 +194,12 @@ def calibrate_observations(
     (``observed.reference`` None) the camera alone is calibrated and the floor of the result is the camera frame itself.
     A degenerate set is in the findings, with the severity of a refusal where it is hopeless. `RefusedError` where too
     few views are left, the board that fixes the floor frame does not fit, or no camera does; `InputError` where
-    surveyed marks contradict each other.
+    surveyed marks contradict each other, or the scale of the boards on the floor.
     """
     try:
         if not observed.marks:
             return _calibrated(observed, settings, without_board, heights_m)
+        check_scale(observed)
         return with_sound_marks(
             observed.floor_reference,
             observed.resolution_px,
