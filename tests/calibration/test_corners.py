@@ -41,6 +41,31 @@ def test_chessboard_corners_are_subpixel_down_to_small_boards(scale, thorough, t
     assert sorted_pairs(observation.corners_px, true_corners(9, 6, 40, homography)).max() < tolerance_px
 
 
+@pytest.mark.parametrize("scale", [0.35, 0.8])
+@pytest.mark.parametrize(("floor", "black", "white", "noise"), [(150, 10, 60, 4), (200, 10, 60, 3), (140, 20, 70, 8)])
+def test_a_board_darker_than_the_floor_behind_it_is_found(scale, floor, black, white, noise):
+    """Held against the light. With grey levels spread evenly, neither finder had seen any such board."""
+    pattern = chessboard_pattern(9, 6, 40)
+    homography = pattern_to_image(pattern, scaled(TURNED, scale))
+    board = black + (white - black) * (picture(pattern, homography, SIZE) / 255)
+    on = cv2.warpPerspective(np.ones(pattern.shape), homography, SIZE)
+    image = on * board + (1 - on) * floor + np.random.default_rng(0).normal(0, noise, on.shape)
+    dark = np.clip(np.rint(image), 0, 255).astype(np.uint8)
+    observation = observe_chessboard("a", dark, CHESSBOARD, thorough=True)
+    off_px = sorted_pairs(observation.corners_px, true_corners(9, 6, 40, homography))
+    assert np.sqrt(np.mean(off_px**2)) < 0.45  # The noise is a sixth of the contrast of the noisiest.
+    assert fitting_corner_counts([("a", dark), ("b", dark)]) == (9, 6)
+
+
+def test_squares_of_five_pixels_are_found():
+    pattern = chessboard_pattern(9, 6, 40)
+    homography = pattern_to_image(pattern, scaled(TURNED, 0.13))
+    image = picture(pattern, homography, SIZE, 3.0)
+    observation = observe_chessboard("a", image, CHESSBOARD, thorough=True)
+    off_px = sorted_pairs(observation.corners_px, true_corners(9, 6, 40, homography))
+    assert np.sqrt(np.mean(off_px**2)) < 0.15
+
+
 def test_a_window_wider_than_a_square_pulls_corners_away():
     pattern = chessboard_pattern(9, 6, 40)
     homography = pattern_to_image(pattern, scaled(TURNED, 0.33))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from towval.calibration.alike import lies_where
 from towval.calibration.corners import (
+    SECTOR_FLAGS,
     BoardObservation,
     charuco_layouts,
     markers_seen,
@@ -193,12 +194,13 @@ def fitting_corner_counts(images: Sequence[NamedImage]) -> tuple[int, int] | Non
 
     None, too, where others agree on more along one of the sides: all of them show a part of a larger board.
     """
-    flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_LARGER
     votes: Counter[tuple[int, int]] = Counter()
     for _, image in images:
-        found, _, grid = cv2.findChessboardCornersSBWithMeta(image, (4, 4), flags)
-        if found:
-            votes[max(grid.shape), min(grid.shape)] += 1
+        for flags in SECTOR_FLAGS:
+            found, _, grid = cv2.findChessboardCornersSBWithMeta(image, (4, 4), flags | cv2.CALIB_CB_LARGER)
+            if found:
+                votes[max(grid.shape), min(grid.shape)] += 1
+                break
     agreed = [counts for counts, agreeing in votes.items() if agreeing > 1]
     whole = max((counts[0] for counts in agreed), default=0), max((counts[1] for counts in agreed), default=0)
     return whole if whole in agreed else None

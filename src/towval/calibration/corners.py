@@ -10,7 +10,11 @@ from towval.model import Array, Board
 from towval.model.errors import InputError
 
 _CLASSIC = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
-_SECTORS = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE
+SECTOR_FLAGS = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE, cv2.CALIB_CB_EXHAUSTIVE
+"""Of the sector-based finder, one way after the other: grey levels spread evenly tell squares in poor light, and hide
+those of a board that is darker than the floor behind it."""
+
+_LARGEST_ENLARGED_PX = 3840 * 2160  # Of a picture twice as large, for memory and time.
 _SUBPIXEL_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 60, 1e-4)
 
 
@@ -57,14 +61,15 @@ def observe_chessboard(name: str, image: NDArray[np.uint8], board: Board, *, tho
 
     ``thorough`` uses the sector-based finder, which finds more and takes ten to a hundred times as long.
     """
-    if thorough:
-        found, corners = cv2.findChessboardCornersSB(image, board.inner_corners, flags=_SECTORS)
-    else:
-        found, corners = cv2.findChessboardCorners(image, board.inner_corners, flags=_CLASSIC)
-    if not found:
-        return None
     columns, rows = board.inner_corners
-    grid = corners.reshape(rows, columns, 2).astype(np.float64)
+    if thorough:
+        corners = _by_sectors(image, (columns, rows))
+    else:
+        found, quick = cv2.findChessboardCorners(image, board.inner_corners, flags=_CLASSIC)
+        corners = np.asarray(quick, dtype=np.float64) if found else None
+    if corners is None:
+        return None
+    grid = corners.reshape(rows, columns, 2)
     spacing = _distance_to_neighbour(grid)
     refined = refine(image, grid.reshape(-1, 2), spacing.ravel())
     row, column = np.mgrid[0:rows, 0:columns]
@@ -75,6 +80,20 @@ def observe_chessboard(name: str, image: NDArray[np.uint8], board: Board, *, tho
     edge_px = max(float(np.ravel(found[0])[0]) for found in both)
     edge_px = edge_px if edge_px < spacing.min() else np.nan  # Squares too small to tell: OpenCV returns 9999.
     return BoardObservation(name, refined, facing_camera(on_board, refined), edge_px=edge_px)
+
+
+def _by_sectors(image: NDArray[np.uint8], size: tuple[int, int]) -> Array | None:
+    """Corners of a chessboard by the sector-based finder, of small squares in a picture twice as large; None without
+    all of them."""
+    for flags in SECTOR_FLAGS:
+        found, corners = cv2.findChessboardCornersSB(image, size, flags=flags)
+        if found:
+            return np.asarray(corners, dtype=np.float64)
+    if 4 * image.size > _LARGEST_ENLARGED_PX:
+        return None
+    enlarged = cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
+    found, corners = cv2.findChessboardCornersSB(enlarged, size, flags=SECTOR_FLAGS[-1])
+    return (np.asarray(corners, dtype=np.float64) - 0.5) / 2 if found else None
 
 
 def observe_charuco(
