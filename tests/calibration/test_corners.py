@@ -112,6 +112,14 @@ def test_charuco_corners_are_subpixel_and_in_place():
     np.testing.assert_allclose(again, observation.corners_px, atol=0.2)
 
 
+def test_charuco_squares_of_thirteen_pixels_are_found():
+    """As of a board on the floor; below 19 px no marker had been found."""
+    image, true = charuco_picture(scaled(TURNED, 0.35))
+    observation = observe_charuco("a", image, CHARUCO)
+    assert len(observation.corners_px) > 30
+    assert sorted_pairs(true, observation.corners_px).max() < 0.3
+
+
 def test_charuco_board_may_leave_the_picture():
     image, _ = charuco_picture(TURNED - [260, 0])
     observation = observe_charuco("a", image, CHARUCO)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from towval.model import Array, Board
 from towval.model.errors import InputError
@@ -89,11 +89,21 @@ def _by_sectors(image: NDArray[np.uint8], size: tuple[int, int]) -> Array | None
         found, corners = cv2.findChessboardCornersSB(image, size, flags=flags)
         if found:
             return np.asarray(corners, dtype=np.float64)
+    if (twice := _enlarged(image)) is None:
+        return None
+    found, corners = cv2.findChessboardCornersSB(twice, size, flags=SECTOR_FLAGS[-1])
+    return _before_enlarging(corners) if found else None
+
+
+def _enlarged(image: NDArray[np.uint8]) -> NDArray[np.uint8] | None:
+    """A picture twice as large, for finders that need more pixels than small squares have; None of a large one."""
     if 4 * image.size > _LARGEST_ENLARGED_PX:
         return None
-    enlarged = cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
-    found, corners = cv2.findChessboardCornersSB(enlarged, size, flags=SECTOR_FLAGS[-1])
-    return (np.asarray(corners, dtype=np.float64) - 0.5) / 2 if found else None
+    return np.asarray(cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
+
+
+def _before_enlarging(pixels: ArrayLike) -> Array:
+    return (np.asarray(pixels, dtype=np.float64) - 0.5) / 2
 
 
 def observe_charuco(
@@ -105,13 +115,17 @@ def observe_charuco(
     name, or that set has fewer markers than the board.
     """
     pattern = _charuco_pattern(board, old_layout)
-    corners, ids, _, _ = cv2.aruco.CharucoDetector(pattern).detectBoard(image)
-    if ids is None or len(ids) < CONSTANTS.fewest_corners:
+    places: Array = np.asarray(pattern.getChessboardCorners(), dtype=np.float64)[:, :2]
+    found, which = _charuco_corners(image, pattern)
+    if len(which) < len(places) and (twice := _enlarged(image)) is not None:
+        again, which_again = _charuco_corners(twice, pattern)
+        if len(which_again) > len(which):
+            found, which = _before_enlarging(again), which_again
+    if len(which) < CONSTANTS.fewest_corners:
         return None
-    grid = np.asarray(pattern.getChessboardCorners(), dtype=np.float64)[ids.ravel(), :2]
+    grid = places[which]
     if np.linalg.matrix_rank(grid - grid.mean(axis=0), tol=0.5 * board.square_m) < 2:
         return None
-    found: Array = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
     # The window must end before the markers, which stand inside the white squares.
     inset = 0.5 * (1 - (board.marker_m or 0.0) / board.square_m)
     spacing = _predicted_spacing(grid, found, board.square_m)
@@ -124,6 +138,14 @@ def observe_charuco(
     on_board = (grid - middle) / half
     on_board = on_board if columns >= rows else on_board[:, ::-1] * [1.0, -1.0]
     return BoardObservation(name, refined, facing_camera(grid, refined), facing_camera(on_board, refined))
+
+
+def _charuco_corners(image: NDArray[np.uint8], pattern: cv2.aruco.CharucoBoard) -> tuple[Array, NDArray[np.intp]]:
+    """Pixels (n, 2) of the corners of a ChArUco board that a picture shows, and which of the board's they are (n,)."""
+    corners, ids, _, _ = cv2.aruco.CharucoDetector(pattern).detectBoard(image)
+    if ids is None:
+        return np.zeros((0, 2)), np.zeros(0, dtype=np.intp)
+    return np.asarray(corners, dtype=np.float64).reshape(-1, 2), np.asarray(ids, dtype=np.intp).ravel()
 
 
 def charuco_layouts(board: Board) -> list[tuple[Board, bool]]:
