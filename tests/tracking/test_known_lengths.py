@@ -139,6 +139,19 @@ def test_tops_that_differ_by_three_deviations_excuse_a_difference_and_by_four_le
     assert [leaves_unjudged(each) for each in found] == [code == "tops_scale" for code in codes]
 
 
+@pytest.mark.parametrize(
+    ("length", "width", "codes"),
+    [(-0.006, -0.006, ["lengths_wrong"]), (-0.012, -0.001, []), (0.0, 0.0, ["lengths_wrong"])],
+)
+def test_an_edge_that_one_side_alone_is_off_by_is_no_other_scale(length, width, codes):
+    """A rendered rover seemed 0.7 % small, of which its length had all: a right run was left without a verdict."""
+    scene = standard_scene(1)
+    tops = tops_of(scene, [-0.006] * 5, [-0.006] * 5)
+    sides = [np.array([length, width]) * np.ptp(top.target.body.top_corners_m, axis=0) for top in tops]
+    tops = [replace(top, sides_m=side) for top, side in zip(tops, sides, strict=True)]
+    assert [each.code for each in findings_of(scaled(scene, 1.0), tops)] == codes
+
+
 def test_a_height_that_is_stated_wrong_shows_in_the_outlines_of_a_run():
     """Well clicked: of 40 mm no click tells, and poses are off by a tenth of that and more."""
     scene = standard_scene(1, **small_camera(), brightness=(170.0, 190.0), contrast=15.0)

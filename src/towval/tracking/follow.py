@@ -403,7 +403,7 @@ class Follower:
             return pose, covariance, None
         seen = compared(time_s, pose, covariance, looks, edges(self.target, self.first_pose))
         self.findings += lift_findings(self.target, time_s[looks.picture], pose[looks.picture], looks.size)
-        excess, usual_m = (seen.excess + seen.hops)[self.fitted_in], np.median(looks.size, axis=0)
+        excess, usual_m = (seen.excess + seen.hops)[self.fitted_in], self.usual_size()
         fit = registration(self.outline_fits, excess, usual_m, seen.strayed, self.pixel_m)
         self.findings += self._judge_registration(fit, usual_m)
         std_m = float(np.percentile(np.sqrt(np.linalg.eigvalsh(seen.excess[looks.picture, :2, :2])[:, -1]), 95))
@@ -413,6 +413,11 @@ class Follower:
         alone, widened = self.edges_alone.pictures, seen.widened(pose, covariance)
         seen.steps[alone], widened[alone] = self.edges_alone.steps(fit), covariance[alone]
         return compose(pose, seen.steps), widened, fit
+
+    def usual_size(self) -> Array:
+        """By how much length and width (2,) of the outline are usually found other than stated [m]; zero if never."""
+        sizes = self.edge_watch.looks().size
+        return np.asarray(np.median(sizes, axis=0)) if len(sizes) else np.zeros(2)
 
     def _judge_registration(self, fit: OutlineFit | None, usual_m: Array) -> list[Finding]:
         """Findings about edges, whose length and width are usually ``usual_m`` (2,) more than those of the top."""

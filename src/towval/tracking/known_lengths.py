@@ -1,7 +1,7 @@
 """The scale of a calibration, checked against what is of known size in every picture: the outlines of the tops."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -32,11 +32,15 @@ _LOOKS = 7
 
 @dataclass(frozen=True)
 class OutlineSizes:
-    """Sizes of a top in some pictures over the stated one, less 1, and its pose (3,) in one of them."""
+    """Sizes of a top in some pictures over the stated one, less 1, and its pose (3,) in one of them.
+
+    ``sides_m`` (2,): by how much length and width, each by itself, are usually found other than stated [m].
+    """
 
     target: PlanarTarget
     pose: Array
     sizes: Sequence[float]
+    sides_m: Array = field(default_factory=lambda: np.zeros(2))
 
 
 def size_of_tops(calibration: Calibration, observed: Sequence[OutlineSizes]) -> tuple[float, float]:
@@ -132,14 +136,16 @@ def lift_findings(target: PlanarTarget, time_s: Array, pose: Array, size_m: Arra
 def _variance(observed: OutlineSizes) -> float:
     """Variance of one top's size without that of the camera: lengths, height, edges, and scatter between pictures.
 
-    The scatter grows where something else than the edge is found in some of the pictures.
+    The scatter grows where something else than the edge is found in some of the pictures. Where it is in all of them,
+    length and width are hardly off by the same share, as a wrong scale has it: they say how far edges may be off.
     """
     body, distance = observed.target.body, _distance_m(observed.target, observed.pose)
     diagonal = float(np.linalg.norm(np.ptp(body.top_corners_m, axis=0)))
     edge_m = CONSTANTS.edge_std_px * observed.target.metres_per_pixel(observed.pose)
     spread = float(np.std(observed.sizes))
+    length, width = observed.sides_m / np.ptp(body.top_corners_m, axis=0)
     parts = OUTLINE.length_std_m / diagonal, body.height_std_m / distance, 2 * edge_m / diagonal, spread
-    return float(np.sum(np.square(parts)))
+    return float(np.sum(np.square([*parts, (length - width) / 2])))
 
 
 def _distance_m(target: PlanarTarget, pose: Array) -> float:

@@ -144,7 +144,7 @@ class _Group:
         self, view: ViewMotion, camera_findings: tuple[Finding, ...], calibration: Calibration
     ) -> dict[str, Track]:
         """The tracks by name, with the findings that they share and the total covariance."""
-        tops = [OutlineSizes(one.target, one.first_pose, one.sizes) for one in self.followers]
+        tops = [OutlineSizes(one.target, one.first_pose, one.sizes, one.usual_size()) for one in self.followers]
         size, size_std = size_of_tops(calibration, tops)
         of_lengths = (*length_findings(tops, size, size_std), *scale_findings(calibration, tops))
         findings = (*camera_findings, *_sample_findings(self.settings), *of_lengths)
