@@ -359,6 +359,20 @@ def test_noise_in_the_template_is_not_counted_as_texture():
     assert 0.5 < np.sqrt(np.median(predicted) / np.median(actual)) < 2
 
 
+def test_a_body_has_not_jumped_out_of_a_picture_that_was_repeated():
+    """Standing in it and leaping out of it is what a repeated picture shows of a fast body: runs were not judged."""
+    motions = drive((-1.2, 0.3, 0.0), 1.2), drive((-1.2, -0.5, 0.0), 1.2)
+    scene = replace(standard_scene(5, **small_camera()), motions=motions)
+    times = np.arange(50) / 25
+    shown = times.copy()
+    shown[35] = shown[34]
+    frames = ((time_s, picture) for time_s, (_, picture) in zip(times, CeilingCamera(scene).frames(shown), strict=True))
+    tracks = track(frames, scene.calibration, scene.bodies, scene.clicks(np.random.default_rng(5)))
+    for found in tracks.values():
+        assert "pictures_repeated" in codes(found)
+        assert "jumped" not in codes(found)
+
+
 def test_wrong_input_is_named():
     scene = standard_scene(1, **small_camera())
     frames, clicks = [(0.0, np.zeros((540, 960), np.uint8))], scene.clicks(np.random.default_rng(0))

@@ -352,8 +352,6 @@ class Follower:
         most = CONSTANTS.most_rest_px * self.pixel_m * np.array([1, 1, 1 / self.target.reach_m])
         pose = hold_rest(time_s, raw, covariance, tracked, most)
         covariance = as_when_moving(covariance, tracked & moving, tracked & ~moving)
-        observed = time_s[tracked], raw[tracked], covariance[tracked]
-        self.findings += jump_findings(self.target, *observed, self._explained_m)
         if fit is not None:
             pose = compose(pose, fit.correction)
         return Track(
@@ -369,6 +367,12 @@ class Follower:
             findings=(*self.findings, *self._judge_observations(time_s, covariance, status), *further_findings),
             method=method,
         )
+
+    def jumps(self, track: Track, taken: NDArray[np.bool_]) -> list[Finding]:
+        """Findings about steps in the body's finished track between pictures (n,) that were ``taken``, not repeated."""
+        seen = track.seen & taken
+        observed = track.time_s[seen], track.pose[seen], track.covariance[seen]
+        return jump_findings(self.target, *observed, self._explained_m)
 
     def _moving(self, pose: Array, tracked: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Pictures (n,) after which the body moves on."""

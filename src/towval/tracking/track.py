@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from towval.model import Body, Calibration, Finding, Track
+from towval.model import Body, Calibration, Finding, Stamp, Track
 from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.plugins import Registry
@@ -149,6 +149,7 @@ class _Group:
         of_lengths = (*length_findings(tops, size, size_std), *scale_findings(calibration, tops))
         findings = (*camera_findings, *_sample_findings(self.settings), *of_lengths)
         tracks = {one.target.body.name: one.track(self.settings.method, findings, view) for one in self.followers}
+        as_tracked = tracks
         tracks, in_time, stamps = check_stamps(tracks)
         tracks, of_rhythm = check_invented(tracks)
         of_floor = moved_floor_findings(tracks, {one.target.body.name: one.target for one in self.followers}, view)
@@ -163,11 +164,13 @@ class _Group:
             one = tracks[body.name]
             of_pictures = (*echo_findings(one.time_s, kept), *field_findings(one.time_s, apart))
             of_pictures += follower.warp.findings(one.time_s)
+            # A body seems to stand in a repeated picture, and to leap out of it.
+            of_jumps = follower.jumps(as_tracked[body.name], stamps != Stamp.REPEATED)
             late = lateness(one.time_s, one.pose, kept) + field_lateness(one.time_s, one.pose, apart)
             warped, at_start = follower.warp.widened(one.time_s)
             one = replace(
                 one,
-                findings=(*one.findings, *in_time, *of_rhythm, *of_pictures, *of_floor),
+                findings=(*one.findings, *of_jumps, *in_time, *of_rhythm, *of_pictures, *of_floor),
                 covariance=one.covariance + late + warped,
                 start_covariance=one.start_covariance + at_start,
                 camera=camera,
