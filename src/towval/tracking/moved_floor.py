@@ -5,6 +5,7 @@ smoothly once they are corrected, and jerk before. Where the floor moved under t
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -61,13 +62,19 @@ def _share_of_body(track: Track, target: PlanarTarget, view: ViewMotion) -> tupl
     lag = max(1, round(_STEP_S / float(np.median(np.diff(time_s)))))
     floor, body = (x[2 * lag :] - 2 * x[lag:-lag] + x[: -2 * lag] for x in (by_camera, corrected))
     regular = time_s[2 * lag :] - time_s[: -2 * lag] < 3 * _STEP_S + 1e-9
+    # Places that are displaced against each other may be those of a mat beside the floor around it.
+    of_picture = replace(view, scattered_px=0.0).of_poses(target.body, track.pose)[1][rows, :2, :2]
+    variance = np.trace(of_picture, axis1=1, axis2=2)
+    # A codec that copies the floor for some pictures displaces it where nothing moved.
+    unsure_m = np.sqrt(variance[2 * lag :] + 4 * variance[lag:-lag] + variance[: -2 * lag])
     least_m = CONSTANTS.reported_px * target.metres_per_pixel(track.pose[rows[0]])
-    jerking = regular & (np.hypot(*floor.T) > least_m)
+    jerking = regular & (np.hypot(*floor.T) > np.maximum(least_m, CONSTANTS.significant * unsure_m))
     if jerking.sum() < _FEWEST:
         return None
     square = float(np.sum(floor[jerking] ** 2))
     share = float(np.sum(floor[jerking] * body[jerking])) / square
-    own = body[regular & ~jerking]
+    # What a body does by itself. Where the floor jerks all the time, that shows beside its share alone.
+    own = np.where(jerking[:, None], body - share * floor, body)[regular]
     # Of one direction, and of the few jerks that do not overlap.
-    std = float(np.sqrt(np.sum(own**2) / max(1, len(own)) * lag / square))
+    std = float(np.sqrt(np.sum(own**2) / len(own) * lag / square))
     return share, std, float(np.hypot(*by_camera.T).max()), float(time_s[lag:-lag][jerking][0])
