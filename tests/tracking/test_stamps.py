@@ -110,6 +110,15 @@ def test_a_single_lost_picture_is_found_while_the_motion_changes(rest_s, lost):
     assert codes(slipping(EVEN[kept])) == ["stamps_contradicted"]
 
 
+@pytest.mark.parametrize("apart", [2, 3, 4])
+@pytest.mark.parametrize("lost", [60, 117, 180])
+def test_two_pictures_lost_near_each_other_are_found_while_the_motion_changes(lost, apart):
+    """Eight pictures around either hold the other loss, too: poses were off by 8 times what is allowed, in silence."""
+    kept = np.delete(np.arange(250), [lost, lost + apart])
+    assert codes(filmed(EVEN, EVEN, bumps=0.05)) == []
+    assert codes(filmed(EVEN[kept], EVEN[:248], bumps=0.05)) == ["stamps_contradicted"]
+
+
 @pytest.mark.parametrize(("true_step", "seed"), [(-10, 0), (-3, 1), (-1, 2), (-1.5, 3), (0.5, 4)])
 def test_a_step_of_another_length_than_stamped_is_found(true_step, seed):
     """The second of two clips begins before the first one ends, or the clock is set."""

@@ -10,13 +10,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from towval.model import Array, Finding, Stamp, Track, TrackStatus
 from towval.model.findings import finding
 from towval.model.tracks import stretches
 from towval.tracking.frozen import frozen_at_the_end
 from towval.tracking.late import delayed
+from towval.tracking.near_losses import SIDE as _SIDE
+from towval.tracking.near_losses import lost_in_two
+from towval.tracking.near_losses import misfit as _misfit
 from towval.tracking.noise import about_quadratics
 
 
@@ -50,7 +53,6 @@ class StampConstants:
 
 CONSTANTS = StampConstants()
 
-_SIDE = 4  # Pictures on each side of a step through which a cubic is laid.
 _TENTH = 3.490  # Tenth of chi-squared with the eight degrees of freedom that such a cubic leaves of two coordinates.
 _TENTH_ACROSS = 1.064  # The same with four, of one of the two.
 _ALTERNATION = 48 / 35  # Share of it by which each picture is beside the quadratic through five.
@@ -335,7 +337,9 @@ def _dropped(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np
         [np.nan_to_num(_misfit(time_s[rows], place[rows], extra) / usual) for place, usual in bodies]
         for extra in _OTHER_STEPS
     ]
-    dropped[_SIDE - 1 + at] = misfit[at] > CONSTANTS.dropped * np.sum(others, axis=1).min(axis=0)
+    there = [(place[rows], usual) for place, usual in bodies]
+    by_two = lost_in_two(time_s[rows], there, CONSTANTS.dropped, CONSTANTS.smoother)
+    dropped[_SIDE - 1 + at] = by_two | (misfit[at] > CONSTANTS.dropped * np.sum(others, axis=1).min(axis=0))
     return dropped | _odd(time_s, index, misfit, bodies)
 
 
@@ -353,15 +357,6 @@ def _odd(time_s: Array, index: NDArray[np.int64], misfit: Array, bodies: _Bodies
     whole = sum((np.nan_to_num(_misfit(time_s[rows], place[rows], extra[at]) / usual) for place, usual in bodies), 0.0)
     odd[_SIDE - 1 + at] = misfit[at] > CONSTANTS.dropped_odd * whole
     return odd
-
-
-def _misfit(time_s: Array, place: Array, extra: ArrayLike) -> Array:
-    """Sum of squares (m,) about cubics through places (m, 8, 2), the middle step being longer by so many usual ones."""
-    since = time_s - time_s[:, :1]
-    since[:, _SIDE:] += np.asarray(extra)[..., None] * np.median(np.diff(time_s, axis=1), axis=1)[:, None]
-    basis, _ = np.linalg.qr((since / np.abs(since).max(axis=1, keepdims=True))[:, :, None] ** np.arange(4))
-    left = place - basis @ (basis.transpose(0, 2, 1) @ place)
-    return np.asarray(np.sum(left**2, axis=(1, 2)))
 
 
 def _enough(jumps: NDArray[np.bool_], moving: NDArray[np.bool_]) -> bool:
