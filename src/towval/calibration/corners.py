@@ -83,8 +83,10 @@ def observe_chessboard(name: str, image: NDArray[np.uint8], board: Board, *, tho
 
 
 def _by_sectors(image: NDArray[np.uint8], size: tuple[int, int]) -> Array | None:
-    """Corners of a chessboard by the sector-based finder, of small squares in a picture twice as large; None without
-    all of them."""
+    """Corners of a chessboard by the sector-based finder; None where not all of them are found.
+
+    Small squares show in a picture twice as large.
+    """
     for flags in SECTOR_FLAGS:
         found, corners = cv2.findChessboardCornersSB(image, size, flags=flags)
         if found:

@@ -1,7 +1,7 @@
 """Whether surveyed marks and boards on the floor are of one scale: units confused, pixels of a reduced picture.
 
-An adjustment cannot ask that. It believes the marks, and leaves all boards out that do not fit, or bends the lens. How
-far apart the marks are follows before it from the boards alone, roughly, since their lens is not known yet.
+The adjustment cannot tell: it believes the marks, and leaves out all boards that do not fit, or bends the lens. Before
+it, the boards alone say how far apart the marks are, roughly, since their lens is not known yet.
 """
 
 from dataclasses import dataclass, replace

@@ -188,7 +188,7 @@ register(  # calibrate
         "Taken with another zoom or crop than the first picture of the floor: {names} (magnified by {percent:+.2f} ± "
         "{std_percent:.2g} %, shifted by ({u:.1f}, {v:.1f}) px). If one camera took them all, that is corrected: the "
         "zoom is that of the floor's first picture, and must be that of the videos. Of another camera they leave the "
-        "picture's centre wrong; marks with pixels of a smaller picture look the same. Film all by one zoom and focus.",
+        "picture's centre wrong; marks with pixels of a smaller picture look the same. Use one camera, zoom and focus.",
     ),
     FindingType(
         "floor-turned", "calibrate", WARNING, NONE,
