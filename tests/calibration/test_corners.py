@@ -44,7 +44,7 @@ def test_chessboard_corners_are_subpixel_down_to_small_boards(scale, thorough, t
 @pytest.mark.parametrize("scale", [0.35, 0.8])
 @pytest.mark.parametrize(("floor", "black", "white", "noise"), [(150, 10, 60, 4), (200, 10, 60, 3), (140, 20, 70, 8)])
 def test_a_board_darker_than_the_floor_behind_it_is_found(scale, floor, black, white, noise):
-    """Held against the light. With grey levels spread evenly, neither finder had seen any such board."""
+    """Held against the light. With grey levels spread evenly, the thorough finder had seen none of them."""
     pattern = chessboard_pattern(9, 6, 40)
     homography = pattern_to_image(pattern, scaled(TURNED, scale))
     board = black + (white - black) * (picture(pattern, homography, SIZE) / 255)
@@ -113,7 +113,7 @@ def test_charuco_corners_are_subpixel_and_in_place():
 
 
 def test_charuco_squares_of_thirteen_pixels_are_found():
-    """As of a board on the floor; below 19 px no marker had been found."""
+    """As of a board on the floor. No corner of it had been found, and not all at 15 px."""
     image, true = charuco_picture(scaled(TURNED, 0.35))
     observation = observe_charuco("a", image, CHARUCO)
     assert len(observation.corners_px) > 30
