@@ -26,6 +26,9 @@ PLATES = {
 }
 """Corners of the robot's white plate in the first picture, by eye, from the arrow's tail on the left around it [px]."""
 
+WRITTEN_AGAIN = 3
+"""Frames at the end of each of these clips that are the one before, written again."""
+
 PUCKS = ("target", "striker")
 
 
