@@ -509,7 +509,7 @@ class Missed:
 
 
 def dropped_steps(monkeypatch, stamps_s, missed):
-    monkeypatch.setattr(stamps_module, "_misfit", missed)
+    monkeypatch.setattr(stamps_module, "misfit", missed)
     monkeypatch.setattr(stamps_module, "_noise_m", lambda *_: 0.0)
     return np.flatnonzero(_dropped({"rover": filmed(EVEN, stamps_s)["rover"]}, np.ones(250, dtype=bool))).tolist()
 
@@ -540,7 +540,7 @@ def test_a_clock_was_set_at_a_step_a_tenth_off_where_bodies_fit_five_times_as_we
 
 @pytest.mark.parametrize(("times", "jumps"), [(2.2, False), (4.2, True)])
 def test_a_body_alone_jumps_where_it_fits_three_times_as_well(monkeypatch, times, jumps):
-    monkeypatch.setattr(stamps_module, "_misfit", Missed(100, times))
+    monkeypatch.setattr(stamps_module, "misfit", Missed(100, times))
     monkeypatch.setattr(stamps_module, "_noise_m", lambda *_: 0.0)
     rover, at = filmed(EVEN, EVEN)["rover"], np.arange(249) == 125
     assert _smoother(rover, np.ones(250, dtype=bool), at, np.ones(249)).any() == jumps

@@ -17,9 +17,7 @@ from towval.model.findings import finding
 from towval.model.tracks import stretches
 from towval.tracking.frozen import frozen_at_the_end
 from towval.tracking.late import delayed
-from towval.tracking.near_losses import SIDE as _SIDE
-from towval.tracking.near_losses import lost_in_two
-from towval.tracking.near_losses import misfit as _misfit
+from towval.tracking.near_losses import SIDE, lost_in_two, misfit
 from towval.tracking.noise import about_quadratics
 
 
@@ -168,19 +166,19 @@ def _noise_m(track: Track, kept: NDArray[np.bool_]) -> float:
         return np.inf
     stated = float(np.sqrt(np.median(track.covariance[track.seen, 0, 0])))
     place = np.where(track.seen[:, None], track.pose[:, :2], np.nan)[kept]
-    if len(place) < 2 * _SIDE + CONSTANTS.least_steps:
+    if len(place) < 2 * SIDE + CONSTANTS.least_steps:
         return stated
-    index = np.arange(len(place) - 2 * _SIDE + 1)[:, None] + np.arange(2 * _SIDE)
+    index = np.arange(len(place) - 2 * SIDE + 1)[:, None] + np.arange(2 * SIDE)
     way = place[index[:, -1]] - place[index[:, 0]]
     moved = np.linalg.norm(way, axis=1)
     normal = np.column_stack([-way[:, 1], way[:, 0]]) / np.maximum(moved, 1e-12)[:, None]
     across = np.einsum("mkj,mj->mk", place[index], normal)[..., None]
-    misfit, beside = (_misfit(track.time_s[kept][index], each, 0) for each in (place[index], across))
-    known = np.isfinite(misfit) & np.isfinite(moved)
+    leftover, beside = (misfit(track.time_s[kept][index], each, 0) for each in (place[index], across))
+    known = np.isfinite(leftover) & np.isfinite(moved)
     if known.sum() < CONSTANTS.least_steps:
         return stated
     known &= moved >= 0.5 * np.percentile(moved[known], 75)
-    variances = np.percentile(misfit[known], 10) / _TENTH, np.percentile(beside[known], 10) / _TENTH_ACROSS
+    variances = np.percentile(leftover[known], 10) / _TENTH, np.percentile(beside[known], 10) / _TENTH_ACROSS
     return float(np.clip(np.sqrt(min(variances)), CONSTANTS.least_noise * stated, stated))
 
 
@@ -207,24 +205,24 @@ def _made_up_for(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArra
     for track in tracks.values():
         place, noise_m = np.where(track.seen[kept, None], track.pose[kept, :2], np.nan), _noise_m(track, kept)
         at_rest &= ~(np.linalg.norm(np.diff(place, axis=0), axis=1) > CONSTANTS.creeps * np.sqrt(2) * noise_m)
-        bodies.append((place, 2 * _SIDE * noise_m**2))
+        bodies.append((place, 2 * SIDE * noise_m**2))
     made_up, runs = np.zeros(len(at_rest), dtype=bool), stretches(at_rest) + 1
     runs = runs[runs[:, 1] - runs[:, 0] < _ROUNDS]
     short = np.zeros(len(time_s) + 1, dtype=np.int8)
     short[runs[:, 0]], short[runs[:, 1] + 1] = 1, -1
     left = np.flatnonzero(np.cumsum(short[:-1]) == 0)
-    if not len(runs) or len(left) < 2 * _SIDE:
+    if not len(runs) or len(left) < 2 * SIDE:
         return made_up
     first, last = runs.T[:, :, None]
     around, without = (
-        np.clip(at - _SIDE, 0, n - 2 * _SIDE) + np.arange(2 * _SIDE)
+        np.clip(at - SIDE, 0, n - 2 * SIDE) + np.arange(2 * SIDE)
         for at, n in ((first, len(time_s)), (np.searchsorted(left, first), len(left)))
     )
     rows = np.array([around, left[without], left[without]])
     times_s = time_s[rows]
     times_s[2] -= np.where(rows[2] > last, time_s[last] - time_s[first - 1], 0.0)
-    rows, times_s = rows.reshape(-1, 2 * _SIDE), times_s.reshape(-1, 2 * _SIDE)
-    unlike = sum((np.nan_to_num(_misfit(times_s, place[rows], 0) / noise) for place, noise in bodies), np.zeros(1))
+    rows, times_s = rows.reshape(-1, 2 * SIDE), times_s.reshape(-1, 2 * SIDE)
+    unlike = sum((np.nan_to_num(misfit(times_s, place[rows], 0) / noise) for place, noise in bodies), np.zeros(1))
     as_seen, repeated, halted = unlike.reshape(3, -1)
     told = np.minimum(as_seen, halted) > np.maximum(CONSTANTS.unlike, CONSTANTS.dropped * repeated)
     for begin, end in runs[told]:
@@ -256,11 +254,11 @@ def _smoother(track: Track, kept: NDArray[np.bool_], jumps: NDArray[np.bool_], d
     A short slip is fastest in its middle, as if a picture had been lost there, but smooth as it is.
     """
     smoother, place = jumps.copy(), np.where(track.seen[kept, None], track.pose[kept, :2], np.nan)
-    smoother[: _SIDE - 1] = smoother[len(place) - _SIDE :] = False
+    smoother[: SIDE - 1] = smoother[len(place) - SIDE :] = False
     at = np.flatnonzero(smoother)
-    index = at[:, None] + np.arange(1 - _SIDE, _SIDE + 1)
-    noise = 2 * _SIDE * _noise_m(track, kept) ** 2
-    as_stamped, otherwise = (noise + _misfit(track.time_s[kept][index], place[index], by) for by in (0, due[at]))
+    index = at[:, None] + np.arange(1 - SIDE, SIDE + 1)
+    noise = 2 * SIDE * _noise_m(track, kept) ** 2
+    as_stamped, otherwise = (noise + misfit(track.time_s[kept][index], place[index], by) for by in (0, due[at]))
     smoother[at] = as_stamped > CONSTANTS.smoother * otherwise
     return smoother
 
@@ -315,47 +313,47 @@ def _dropped(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np
     better, together, where the step is taken for another one, and one to move on both sides: a rest ends at any time.
     """
     time_s = next(iter(tracks.values())).time_s[kept]
-    count = len(time_s) - 2 * _SIDE + 1
+    count = len(time_s) - 2 * SIDE + 1
     dropped = np.zeros(max(len(time_s) - 1, 0), dtype=bool)
     if count < CONSTANTS.least_steps:
         return dropped
-    index = np.arange(count)[:, None] + np.arange(2 * _SIDE)
-    misfit, moves, bodies = np.zeros(count), np.zeros((2, count), dtype=bool), []
+    index = np.arange(count)[:, None] + np.arange(2 * SIDE)
+    leftover, moves, bodies = np.zeros(count), np.zeros((2, count), dtype=bool), []
     for track in tracks.values():
         place = np.where(track.seen[:, None], track.pose[:, :2], np.nan)[kept]
-        own = _misfit(time_s[index], place[index], 0)
+        own = misfit(time_s[index], place[index], 0)
         if np.isfinite(own).any():
             # Eight pictures leave four degrees of freedom in each coordinate.
-            usual = float(np.nanmedian(own)) + 2 * _SIDE * (std := _noise_m(track, kept)) ** 2
-            misfit += np.nan_to_num(own / usual)
+            usual = float(np.nanmedian(own)) + 2 * SIDE * (std := _noise_m(track, kept)) ** 2
+            leftover += np.nan_to_num(own / usual)
             bodies.append((place, usual))
-            gone = [np.linalg.norm(place[index[:, k + _SIDE - 1]] - place[index[:, k]], axis=1) for k in (0, _SIDE)]
+            gone = [np.linalg.norm(place[index[:, k + SIDE - 1]] - place[index[:, k]], axis=1) for k in (0, SIDE)]
             moves |= np.array(gone) > CONSTANTS.creeps * np.sqrt(2) * std
-    at = np.flatnonzero((misfit > CONSTANTS.unlike) & moves.all(axis=0))
+    at = np.flatnonzero((leftover > CONSTANTS.unlike) & moves.all(axis=0))
     rows = index[at]
     others = [
-        [np.nan_to_num(_misfit(time_s[rows], place[rows], extra) / usual) for place, usual in bodies]
+        [np.nan_to_num(misfit(time_s[rows], place[rows], extra) / usual) for place, usual in bodies]
         for extra in _OTHER_STEPS
     ]
     there = [(place[rows], usual) for place, usual in bodies]
     by_two = lost_in_two(time_s[rows], there, CONSTANTS.dropped, CONSTANTS.smoother)
-    dropped[_SIDE - 1 + at] = by_two | (misfit[at] > CONSTANTS.dropped * np.sum(others, axis=1).min(axis=0))
-    return dropped | _odd(time_s, index, misfit, bodies)
+    dropped[SIDE - 1 + at] = by_two | (leftover[at] > CONSTANTS.dropped * np.sum(others, axis=1).min(axis=0))
+    return dropped | _odd(time_s, index, leftover, bodies)
 
 
-def _odd(time_s: Array, index: NDArray[np.int64], misfit: Array, bodies: _Bodies) -> NDArray[np.bool_]:
+def _odd(time_s: Array, index: NDArray[np.int64], leftover: Array, bodies: _Bodies) -> NDArray[np.bool_]:
     """Steps (n,) that are no whole number of usual ones by their stamps, and are one by the motion of the ``bodies``.
 
-    A clock that was set leaves such a step. ``index`` (m, 8): pictures around the steps; ``misfit`` (m,) as they are.
+    A clock that was set leaves such a step. ``index`` (m, 8): pictures around the steps; ``leftover`` (m,) as they are.
     """
     odd = np.zeros(len(time_s) - 1, dtype=bool)
     steps = np.diff(time_s)[index[:, :-1]]
-    length = steps[:, _SIDE - 1] / np.median(steps, axis=1)
+    length = steps[:, SIDE - 1] / np.median(steps, axis=1)
     extra = np.maximum(np.round(length), 1) - length
-    at = np.flatnonzero((np.abs(extra) > CONSTANTS.odd) & (misfit > CONSTANTS.unlike_odd))
+    at = np.flatnonzero((np.abs(extra) > CONSTANTS.odd) & (leftover > CONSTANTS.unlike_odd))
     rows = index[at]
-    whole = sum((np.nan_to_num(_misfit(time_s[rows], place[rows], extra[at]) / usual) for place, usual in bodies), 0.0)
-    odd[_SIDE - 1 + at] = misfit[at] > CONSTANTS.dropped_odd * whole
+    whole = sum((np.nan_to_num(misfit(time_s[rows], place[rows], extra[at]) / usual) for place, usual in bodies), 0.0)
+    odd[SIDE - 1 + at] = leftover[at] > CONSTANTS.dropped_odd * whole
     return odd
 
 
