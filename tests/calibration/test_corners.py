@@ -5,10 +5,18 @@ import numpy as np
 import pytest
 
 from board_pictures import chessboard_pattern, pattern_to_image, picture, true_corners
+from towval.calibration import board_search, corners
 from towval.calibration.adequacy import blur_findings
 from towval.calibration.board_search import find_boards, fitting_corner_counts
 from towval.calibration.calibrate import _beside_another
-from towval.calibration.corners import BoardObservation, facing_camera, observe_charuco, observe_chessboard, refine
+from towval.calibration.corners import (
+    BoardObservation,
+    facing_camera,
+    observe_charuco,
+    observe_chessboard,
+    observe_small_chessboard,
+    refine,
+)
 from towval.calibration.observations import CalibrationObservations
 from towval.model import Board
 from towval.model.errors import InputError
@@ -57,13 +65,44 @@ def test_a_board_darker_than_the_floor_behind_it_is_found(scale, floor, black, w
     assert fitting_corner_counts([("a", dark), ("b", dark)]) == (9, 6)
 
 
+def board_of(square_px: float) -> np.ndarray:
+    """A picture of a board whose shortest side of a square has so many pixels."""
+    pattern = chessboard_pattern(9, 6, 40)
+    at_full_size = true_corners(9, 6, 40, pattern_to_image(pattern, TURNED))
+    grid = at_full_size.reshape(6, 9, 2)
+    side_px = min(np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1))
+    return picture(pattern, pattern_to_image(pattern, scaled(TURNED, square_px / side_px)), SIZE, 3.0)
+
+
 def test_squares_of_five_pixels_are_found():
     pattern = chessboard_pattern(9, 6, 40)
     homography = pattern_to_image(pattern, scaled(TURNED, 0.13))
     image = picture(pattern, homography, SIZE, 3.0)
-    observation = observe_chessboard("a", image, CHESSBOARD, thorough=True)
+    observation = observe_small_chessboard("a", image, CHESSBOARD)
     off_px = sorted_pairs(observation.corners_px, true_corners(9, 6, 40, homography))
     assert np.sqrt(np.mean(off_px**2)) < 0.15
+
+
+@pytest.mark.parametrize(("held_px", "floor_px", "searched"), [
+    (12.0, 20.0, ["held"]),
+    (20.0, 12.0, ["floor"]),
+    (20.0, 20.0, []),
+    (None, 20.0, ["held", "no board"]),
+])  # fmt: skip
+def test_small_squares_are_looked_for_where_those_found_are_not_large(monkeypatch, held_px, floor_px, searched):
+    """In pictures twice as large, which take a second and half a gigabyte: a hand hides a large board as well."""
+    looked_at = []
+    monkeypatch.setattr(board_search, "observe_small_chessboard", lambda name, *_, **__: looked_at.append(name))
+    blank = np.full(SIZE[::-1], 128, np.uint8)
+    pictures = [
+        ("no board", blank if held_px is None else board_of(held_px)),
+        ("held", blank),
+        ("on the floor", board_of(floor_px)),
+        ("floor", blank),
+    ]
+    found, unseen = find_boards(pictures, CHESSBOARD, 1, on_floor=2)
+    assert sorted(looked_at) == searched
+    assert len(found) + len(unseen) == 4
 
 
 def test_a_window_wider_than_a_square_pulls_corners_away():
@@ -118,6 +157,19 @@ def test_charuco_squares_of_thirteen_pixels_are_found():
     observation = observe_charuco("a", image, CHARUCO)
     assert len(observation.corners_px) > 30
     assert sorted_pairs(true, observation.corners_px).max() < 0.3
+
+
+@pytest.mark.parametrize(("scale", "enlarged"), [(0.5, True), (0.8, False)])
+def test_a_part_of_a_charuco_board_is_sought_in_a_larger_picture_where_its_squares_are_small(
+    monkeypatch, scale, enlarged
+):
+    image, _ = charuco_picture(scaled(TURNED, scale))
+    image[:, 260:] = 128
+    seen = []
+    monkeypatch.setattr(corners, "_enlarged", lambda picture: seen.append(picture.shape))
+    observation = observe_charuco("a", image, CHARUCO)
+    assert 8 <= len(observation.corners_px) < 40
+    assert bool(seen) == enlarged
 
 
 def test_charuco_board_may_leave_the_picture():
@@ -267,12 +319,12 @@ def test_a_blurred_board_is_flagged(blur, flagged):
 
 
 def test_a_board_that_only_the_thorough_finder_finds_is_searched_in_every_picture(monkeypatch):
-    quickly = []
+    quickly, corners_px = [], 20.0 * np.mgrid[0:9, 0:6].T.reshape(-1, 2)
 
     def observe(name, image, board, *, thorough):
         if not thorough:
             quickly.append(name)
-        return BoardObservation(name, np.zeros((1, 2)), np.zeros((1, 2))) if thorough else None
+        return BoardObservation(name, corners_px, corners_px) if thorough else None
 
     monkeypatch.setattr("towval.calibration.board_search.observe_chessboard", observe)
     named = [(f"{i:02d}", np.full((40, 60), 128, np.uint8)) for i in range(11)]

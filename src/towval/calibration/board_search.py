@@ -12,12 +12,15 @@ from numpy.typing import NDArray
 
 from towval.calibration.alike import lies_where
 from towval.calibration.corners import (
+    CONSTANTS,
     SECTOR_FLAGS,
     BoardObservation,
     charuco_layouts,
     markers_seen,
     observe_charuco,
     observe_chessboard,
+    observe_small_chessboard,
+    smallest_square_px,
 )
 from towval.model import Array, Board
 from towval.model.errors import InputError
@@ -30,9 +33,16 @@ _SAMPLE = 6
 
 
 def find_boards(
-    images: Sequence[NamedImage], board: Board, threads: int, marked_px: Mapping[str, Array] | None = None
+    images: Sequence[NamedImage],
+    board: Board,
+    threads: int,
+    marked_px: Mapping[str, Array] | None = None,
+    on_floor: int = 0,
 ) -> tuple[list[BoardObservation], dict[str, str]]:
     """Search every picture for a board, ``threads`` of them at the same time.
+
+    The last ``on_floor`` pictures show the board on the floor, where it is smaller than near the camera. Where small
+    boards may have been missed, they are looked for in pictures twice as large, which takes long.
 
     A picture may show another chessboard of as many corners: ``marked_px`` (2,) is a pixel of the right one, by the
     picture's name. Elsewhere it is the one that does not stay where it is from picture to picture.
@@ -54,13 +64,15 @@ def find_boards(
             shown = _corner_counts_shown([images[i] for i in sample], board)
         known |= _searched(quick, images, [i for i in range(len(images)) if i not in known], pool)
         if board.kind == "chessboard":
-            missing = [i for i in range(len(images)) if known[i] is None]
-            # Where the quick finder finds nothing at all, a few pictures tell whether the slow one does.
-            first = missing if len(missing) < len(images) else _spread(missing)
-            for some in (first, [i for i in missing if i not in first]):
-                known |= _searched(partial(observe_chessboard, board=board, thorough=True), images, some, pool)
-                if not any(known.values()):
-                    break
+            slow = partial(observe_chessboard, board=board, thorough=True)
+            known |= _searched_again(slow, images, known, pool)
+            small = partial(observe_small_chessboard, board=board)
+            first_on_floor = len(images) - on_floor
+            for group in (range(first_on_floor), range(first_on_floor, len(images))):
+                alike = {i: known[i] for i in group}
+                sizes_px = [smallest_square_px(one, board) for one in alike.values() if one is not None]
+                if min(sizes_px, default=0.0) < CONSTANTS.small_square_px:
+                    known |= _searched_again(small, images, alike, pool)
     found = [known[i] for i in range(len(images))]
     if not any(found):
         what = shown or "check that the pictures are those of the board, whole and sharp"
@@ -137,6 +149,24 @@ def _searched(
 ) -> dict[int, BoardObservation | None]:
     """What a finder finds in some of the pictures, each read when it is searched."""
     return dict(zip(which, pool.map(lambda i: finder(*images[i]), which), strict=True))
+
+
+def _searched_again(
+    finder: _Finder,
+    images: Sequence[NamedImage],
+    known: Mapping[int, BoardObservation | None],
+    pool: ThreadPoolExecutor,
+) -> dict[int, BoardObservation | None]:
+    """What a slow finder finds in those of the pictures in which others found nothing.
+
+    Where they found nothing at all, a few pictures tell whether it does.
+    """
+    missing = [i for i, one in known.items() if one is None]
+    first = missing if len(missing) < len(known) else _spread(missing)
+    found = _searched(finder, images, first, pool)
+    if len(missing) < len(known) or any(found.values()):
+        found |= _searched(finder, images, [i for i in missing if i not in found], pool)
+    return found
 
 
 def _finders(board: Board) -> list[_Finder]:

@@ -90,7 +90,7 @@ def calibrate(
     marked_px = {}
     if floor_names and floor.origin_corner_px is not None and not len(floor.marks_px):
         marked_px = {floor_names[0]: floor.origin_corner_px}
-    observations, without_board = find_boards(everything, board, settings.threads, marked_px)
+    observations, without_board = find_boards(everything, board, settings.threads, marked_px, len(floor_names))
     flat = _with_origin([s for s in observations if s.name in floor_names], floor_names, floor)
     held = tuple(s for s in observations if s.name not in floor_names)
     observed = CalibrationObservations(resolution, held, tuple(flat), floor, doubts_std(board, floor))

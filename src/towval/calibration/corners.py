@@ -1,5 +1,6 @@
 """Corners of calibration boards in pictures: found, refined to a fraction of a pixel, and put in a fixed order."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -20,7 +21,10 @@ _SUBPIXEL_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 60, 1e-4)
 
 @dataclass(frozen=True)
 class CornerConstants:
-    """Tuned constants of the corner refinement."""
+    """Tuned constants of the search for corners and of their refinement."""
+
+    small_square_px: float = 16.0  # [px] Of boards found: others, half as large, were missed (from 8 px on).
+    small_marked_px: float = 24.0  # [px] Of squares with markers in them, of which some are missed up to 15 px.
 
     window_share: float = 0.3  # Half-width of the window over the distance to the nearest corner: the diagonal of a
     # window turned against the board must not reach the edges that meet there.
@@ -61,14 +65,33 @@ def observe_chessboard(name: str, image: NDArray[np.uint8], board: Board, *, tho
 
     ``thorough`` uses the sector-based finder, which finds more and takes ten to a hundred times as long.
     """
-    columns, rows = board.inner_corners
     if thorough:
-        corners = _by_sectors(image, (columns, rows))
+        corners = _by_sectors(image, board.inner_corners, SECTOR_FLAGS)
     else:
         found, quick = cv2.findChessboardCorners(image, board.inner_corners, flags=_CLASSIC)
         corners = np.asarray(quick, dtype=np.float64) if found else None
-    if corners is None:
-        return None
+    return None if corners is None else _observed(name, image, corners, board)
+
+
+def observe_small_chessboard(name: str, image: NDArray[np.uint8], board: Board) -> BoardObservation | None:
+    """Find a chessboard of small squares, by the thorough finder in a picture twice as large; None as above.
+
+    Of 1080p that takes a second and some hundred megabytes.
+    """
+    twice = _enlarged(image)
+    corners = None if twice is None else _by_sectors(twice, board.inner_corners, SECTOR_FLAGS[-1:])
+    return None if corners is None else _observed(name, image, _before_enlarging(corners), board)
+
+
+def smallest_square_px(observation: BoardObservation, board: Board) -> float:
+    """The shortest side of a square of a chessboard that was found [px]."""
+    columns, rows = board.inner_corners
+    return float(_distance_to_neighbour(observation.corners_px.reshape(rows, columns, 2)).min())
+
+
+def _observed(name: str, image: NDArray[np.uint8], corners: Array, board: Board) -> BoardObservation:
+    """A chessboard of which all corners were found, in pixels."""
+    columns, rows = board.inner_corners
     grid = corners.reshape(rows, columns, 2)
     spacing = _distance_to_neighbour(grid)
     refined = refine(image, grid.reshape(-1, 2), spacing.ravel())
@@ -82,19 +105,13 @@ def observe_chessboard(name: str, image: NDArray[np.uint8], board: Board, *, tho
     return BoardObservation(name, refined, facing_camera(on_board, refined), edge_px=edge_px)
 
 
-def _by_sectors(image: NDArray[np.uint8], size: tuple[int, int]) -> Array | None:
-    """Corners of a chessboard by the sector-based finder; None where not all of them are found.
-
-    Small squares show in a picture twice as large.
-    """
-    for flags in SECTOR_FLAGS:
+def _by_sectors(image: NDArray[np.uint8], size: tuple[int, int], ways: Sequence[int]) -> Array | None:
+    """Corners of a chessboard by the sector-based finder, one way after the other; None where none finds all."""
+    for flags in ways:
         found, corners = cv2.findChessboardCornersSB(image, size, flags=flags)
         if found:
             return np.asarray(corners, dtype=np.float64)
-    if (twice := _enlarged(image)) is None:
-        return None
-    found, corners = cv2.findChessboardCornersSB(twice, size, flags=SECTOR_FLAGS[-1])
-    return _before_enlarging(corners) if found else None
+    return None
 
 
 def _enlarged(image: NDArray[np.uint8]) -> NDArray[np.uint8] | None:
@@ -119,7 +136,8 @@ def observe_charuco(
     pattern = _charuco_pattern(board, old_layout)
     places: Array = np.asarray(pattern.getChessboardCorners(), dtype=np.float64)[:, :2]
     found, which = _charuco_corners(image, pattern)
-    if len(which) < len(places) and (twice := _enlarged(image)) is not None:
+    small = not len(which) or _predicted_spacing(places[which], found, board.square_m).min() < CONSTANTS.small_marked_px
+    if len(which) < len(places) and small and (twice := _enlarged(image)) is not None:
         again, which_again = _charuco_corners(twice, pattern)
         if len(which_again) > len(which):
             found, which = _before_enlarging(again), which_again

@@ -21,6 +21,7 @@ from towval.calibration.corners import (
     charuco_layouts,
     observe_charuco,
     observe_chessboard,
+    observe_small_chessboard,
     outer_corners,
 )
 from towval.commands.check import IN_FLOOR_AXES, check, for_people
@@ -382,6 +383,7 @@ def _whole_board(pictures: GrayPictures, board: Board) -> BoardObservation | Non
     """The board in the first of the pictures, with all its corners; None where it is not found."""
     name, picture = pictures[0]
     if board.kind == "chessboard":
-        return observe_chessboard(name, picture, board, thorough=True)
+        thorough = observe_chessboard(name, picture, board, thorough=True)
+        return thorough or observe_small_chessboard(name, picture, board)
     found = (observe_charuco(name, picture, one, old_layout=old) for one, old in charuco_layouts(board))
     return next((each for each in found if each and len(each.corners_px) == np.prod(board.inner_corners)), None)
