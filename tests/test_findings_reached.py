@@ -16,7 +16,7 @@ from towval.physics.dynamics import Outcome
 from towval.physics.trailing import _motion
 from towval.planning.planner import PlanOutcome, _deviation_findings
 from towval.tracking.camera_motion import CameraMotion
-from towval.tracking.follow import Follower
+from towval.tracking.finished_track import judge_registration
 from towval.tracking.outline import judge_clicks
 
 BODY = Body("rover", 0.4, [[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]])
@@ -30,8 +30,8 @@ def test_clicks_that_miss_the_corners_are_reported_and_far_ones_refused():
 
 
 def test_a_body_without_edges_rests_on_its_clicks():
-    follower = SimpleNamespace(start_covariance=4e-6 * np.eye(3), target=SimpleNamespace(body=BODY))
-    (found,) = Follower._judge_registration(follower, None, np.zeros(2))
+    followed = SimpleNamespace(start_covariance=4e-6 * np.eye(3), target=SimpleNamespace(body=BODY))
+    (found,) = judge_registration(followed, None, np.zeros(2))
     assert found.code == "edges_not_found"
     assert "(2.0 mm)" in found.text
 

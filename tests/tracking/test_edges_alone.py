@@ -10,6 +10,7 @@ from towval.model import TrackStatus
 from towval.model.geometry import compose
 from towval.tracking import edges_alone
 from towval.tracking.edges_alone import EdgesAlone
+from towval.tracking.finished_track import finished
 from towval.tracking.follow import Follower
 from towval.tracking.outline import OutlineFit, observe_outline
 from towval.tracking.pose import Measurement, Tracker, step_between
@@ -42,7 +43,7 @@ def followed(rate, pictures=range(40, 80), step_m=1e-3, covered=None):
     for i, pose in enumerate(true[1:], start=1):
         tracker.at, tracker.faded = pose, i in pictures
         follower.follow(i / rate, picture(BOX, pose, covered if i in pictures and covered else GREY))
-    track = follower.track("scripted")
+    track = finished(follower.followed(), "scripted")
     return track, np.linalg.norm((track.pose - true)[:, :2], axis=1) / PIXEL_M
 
 

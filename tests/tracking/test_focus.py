@@ -11,6 +11,7 @@ from studies.worlds.scenes import CeilingCamera, small_camera, standard_scene
 from towval.model import Body
 from towval.tracking import focus as focus_module
 from towval.tracking.blur import SharpTarget
+from towval.tracking.finished_track import finished
 from towval.tracking.focus import Focus, width_px
 from towval.tracking.follow import Follower
 from towval.tracking.planar_target import PlanarTarget
@@ -99,7 +100,7 @@ def test_a_change_of_focus_is_told_of(width_px_, told):
     for i in range(1, 15):
         soft = i > 2 and width_px_
         follower.follow(i / 25, cv2.GaussianBlur(picture(BOX), (0, 0), width_px_) if soft else picture(BOX), ())
-    texts = [each.text for each in follower.track("plane").findings if each.code == "focus_changed"]
+    texts = [each.text for each in finished(follower.followed(), "plane").findings if each.code == "focus_changed"]
     assert [re.search(r"[\d.]+ px", text)[0] for text in texts] == told
 
 

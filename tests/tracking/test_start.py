@@ -108,7 +108,7 @@ def test_clicks_are_not_moved_to_where_no_edges_are(monkeypatch):
     own = painted_target(0.5, 0.35)
     luma = picture(own, grey=lambda xy: np.full(len(xy), 150.0))
     # As if what shows of the edges left the place unsure.
-    monkeypatch.setattr(clicks_module, "FOLLOW", replace(clicks_module.FOLLOW, unsure_edges_px=0.0))
+    monkeypatch.setattr(clicks_module, "FINISH", replace(clicks_module.FINISH, unsure_edges_px=0.0))
     beside = compose(POSE, own.metres_per_pixel(POSE) * np.array([15.0, 12.0, 0.0]))
     monkeypatch.setattr(OutlineSearch, "found", lambda *_: [(0.9, beside)])
     monkeypatch.setattr(OutlineSearch, "sharpened", lambda *_: (0.5, POSE))

@@ -12,11 +12,12 @@ from studies.worlds.scenes import ceiling, rectangle
 from towval.model import Body, TrackStatus
 from towval.model.errors import InputError
 from towval.model.geometry import compose, transform
-from towval.tracking import alignment, blur, follow, outline, plane_tracker, two_measurements
+from towval.tracking import alignment, blur, finished_track, follow, outline, plane_tracker, two_measurements
 from towval.tracking import noise as noise_module
 from towval.tracking.alignment import align
 from towval.tracking.blur import Shutter
 from towval.tracking.camera_motion import CameraMotion
+from towval.tracking.finished_track import finished, honest_covariance, judge_observations, judge_registration, moves_on
 from towval.tracking.floor_registration import Registered
 from towval.tracking.follow import Follower
 from towval.tracking.klt import KltTracker, _flow
@@ -449,14 +450,14 @@ def test_a_registration_is_near_the_clicks(follower, correction_px, found):
     fit = OutlineFit(np.array([correction_px * PIXEL_M, 0, 0]), 1e-8 * np.eye(3))
     fit = registration([fit], np.zeros((1, 3, 3)), np.zeros(2), np.zeros((3, 3)), PIXEL_M)
     assert (fit is not None) == found
-    findings = follower._judge_registration(fit, np.zeros(2))
+    findings = judge_registration(follower.followed(), fit, np.zeros(2))
     assert ("edges_not_found" in {finding.code for finding in findings}) != found
 
 
 @pytest.mark.parametrize(("std_px", "unsure"), [(0.12, False), (0.2, True)])
 def test_a_registration_that_edges_leave_open_is_flagged(follower, std_px, unsure):
     fit = OutlineFit(np.zeros(3), (std_px * PIXEL_M) ** 2 * np.eye(3))
-    findings = follower._judge_registration(fit, np.array([0.0012, -0.0008]))
+    findings = judge_registration(follower.followed(), fit, np.array([0.0012, -0.0008]))
     assert [finding.code for finding in findings] == (["edges_unsure"] if unsure else [])
     assert all("length +1.2 mm, width -0.8 mm" in finding.text for finding in findings)
 
@@ -510,7 +511,7 @@ def test_a_search_that_confirms_a_shaken_body_serves_the_next_pictures(follower)
     follower.lookalikes.rivals = lambda *_: []
     for now, here in zip(time_s, places, strict=True):
         follower.follow(float(now), picture(BOX, here))
-    assert follower.track("scripted").seen.all()
+    assert finished(follower.followed(), "scripted").seen.all()
     assert len(searched) == pytest.approx(2 / 0.23, abs=1)
 
 
@@ -610,21 +611,23 @@ def test_a_body_that_was_rarely_seen_is_not_called_plain(follower):
     status = np.full(8, TrackStatus.LOST, dtype=np.uint8)
     status[0] = TrackStatus.TRACKED
     covariance = np.tile((0.1 * PIXEL_M) ** 2 * np.eye(3), (8, 1, 1))
-    assert {one.code for one in follower._judge_observations(np.arange(8.0), covariance, status)} == {"not_seen"}
+    findings = judge_observations(follower.followed(), np.arange(8.0), covariance, status)
+    assert {one.code for one in findings} == {"not_seen"}
 
 
 @pytest.mark.parametrize(("std_px", "plain"), [(0.1, False), (0.15, True)])
 def test_a_plain_target_is_flagged(follower, std_px, plain):
     covariance = np.tile((std_px * PIXEL_M) ** 2 * np.eye(3), (4, 1, 1))
-    findings = follower._judge_observations(np.arange(4.0), covariance, np.full(4, TrackStatus.TRACKED, dtype=np.uint8))
+    status = np.full(4, TrackStatus.TRACKED)
+    findings = judge_observations(follower.followed(), np.arange(4.0), covariance, status)
     assert ("low_texture" in {finding.code for finding in findings}) == plain
 
 
 @pytest.mark.parametrize(("blur_px", "told"), [(0.8, False), (1.4, True)])
 def test_a_blur_of_a_pixel_is_told_of(follower, blur_px, told):
-    follower.tracker = SimpleNamespace(widest_blur_px=blur_px)
-    covariance = np.tile(1e-8 * np.eye(3), (4, 1, 1))
-    findings = follower._judge_observations(np.arange(4.0), covariance, np.full(4, TrackStatus.TRACKED, dtype=np.uint8))
+    body = replace(follower.followed(), widest_blur_px=blur_px)
+    covariance, status = np.tile(1e-8 * np.eye(3), (4, 1, 1)), np.full(4, TrackStatus.TRACKED)
+    findings = judge_observations(body, np.arange(4.0), covariance, status)
     assert ("focus_changed" in {finding.code for finding in findings}) == told
 
 
@@ -645,15 +648,15 @@ def test_what_leaves_three_times_the_usual_misfit_is_foreign(follower, times, kn
 def test_the_scatter_is_that_of_frames_in_which_the_body_moves_and_is_bounded(
     follower, monkeypatch, whole, turn, times
 ):
-    monkeypatch.setattr(follow, "scatter_factors", lambda *_given: (whole, turn))
+    monkeypatch.setattr(finished_track, "scatter_factors", lambda *_given: (whole, turn))
     steps = np.array([0.08, 0.08, 0.15, 0.15]) * PIXEL_M
     pose = np.zeros((5, 3))
     pose[1:, 0] = np.cumsum(steps)
     covariance = np.tile((0.01 * PIXEL_M) ** 2 * np.eye(3), (5, 1, 1))
     tracked = np.ones(5, dtype=bool)
-    moving = follower._moving(pose, tracked)
+    moving = moves_on(pose, tracked, PIXEL_M)
     assert moving[:4].tolist() == [False, False, True, True]
-    honest = follower._honest_covariance(np.arange(5.0), pose, covariance, tracked, moving)
+    honest = honest_covariance(np.arange(5.0), pose, covariance, tracked, moving, PIXEL_M)
     std_px = np.sqrt(np.diag(honest[2])) / PIXEL_M
     assert std_px[0] == pytest.approx(0.01 * min(whole, 6.0), rel=0.3)
     assert std_px[2] == pytest.approx(0.01 * times, rel=0.3)
@@ -670,7 +673,7 @@ def test_a_rest_is_within_a_tenth_of_a_pixel(follower, monkeypatch, shift_px, he
         follower.tracker.answer = lambda start, pose=pose: pose
         follower.follow(0.1 * k, None)
     follower.outline_fits, follower.fitted_in = [], []
-    assert (np.ptp(follower.track("scripted").pose[2:, 0]) < 1e-9) == held
+    assert (np.ptp(finished(follower.followed(), "scripted").pose[2:, 0]) < 1e-9) == held
 
 
 # Noise and rest

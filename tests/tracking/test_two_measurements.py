@@ -8,6 +8,7 @@ from painted import POSE, picture, target, texture
 
 from towval.model.geometry import compose, inverse, turned_covariance
 from towval.tracking import two_measurements
+from towval.tracking.finished_track import finished, with_outline
 from towval.tracking.follow import Follower
 from towval.tracking.outline import OutlineFit
 from towval.tracking.plane_tracker import PlaneTracker
@@ -193,7 +194,7 @@ def test_an_outline_that_hops_between_two_edges_does_not_take_the_texture_along(
     for i in range(1, 30):
         tracker.at = compose(POSE, np.array([1e-3 * i, 0, 0]))
         follower.follow(i / 25, luma)
-    track = follower.track("scripted")
+    track = finished(follower.followed(), "scripted")
     true = np.array([compose(POSE, np.array([1e-3 * i, 0, 0])) for i in range(30)])
     assert track.seen.all()
     assert np.linalg.norm((track.pose - true)[:, :2], axis=1).max() < 0.2 * PIXEL_M
@@ -211,7 +212,7 @@ def followed(lies):
         tracker.at = moved
         tracker.lie = np.array([1.5 * PIXEL_M * (i in lies), 0, 0])
         follower.follow(i / 25, picture(BOX, moved, GREY))
-    track = follower.track("scripted")
+    track = finished(follower.followed(), "scripted")
     true = np.array([compose(POSE, np.array([1e-3 * i, 0, 0])) for i in range(130)])
     off_px = np.linalg.norm((track.pose - true)[:, :2], axis=1) / PIXEL_M
     std_px = np.sqrt(np.trace(track.covariance[:, :2, :2], axis1=1, axis2=2)) / PIXEL_M
@@ -319,8 +320,8 @@ def test_a_registration_is_as_uncertain_as_its_outlines_stray(hop_px, codes):
     corners = BOX.pixels(BOX.body.top_corners_m, POSE)
     follower = Follower(BOX, 0.0, picture(BOX, grey=GREY), corners, lambda *_: Lying(), 0.2)
     follower.edge_watch.looks = lambda: looks(np.arange(120), correction)
-    _, _, fit = follower._with_outline(np.arange(120) / 25, pose, np.tile(SHARP, (120, 1, 1)))
-    assert {found.code for found in follower.findings} == codes
+    _, _, fit, findings = with_outline(follower.followed(), np.arange(120) / 25, pose, np.tile(SHARP, (120, 1, 1)))
+    assert {found.code for found in findings} == codes
     assert np.sqrt(fit.covariance[0, 0]) / PIXEL_M == pytest.approx(hop_px / 2, abs=0.1)
 
 
@@ -447,6 +448,6 @@ def test_a_pattern_of_the_sensor_does_not_hold_a_body_where_it_stood(seed):
     follower = Follower(BOX, 0.0, filmed(0), BOX.pixels(BOX.body.top_corners_m, POSE), PlaneTracker, 0.2)
     for i in range(1, len(true)):
         follower.follow(i / 25, filmed(i))
-    track = follower.track("plane")
+    track = finished(follower.followed(), "plane")
     assert track.seen.all()
     assert np.linalg.norm((track.pose - true)[:, :2], axis=1).max() < 0.9 * PIXEL_M

@@ -11,7 +11,7 @@ from towval.model.errors import InputError
 from towval.model.findings import finding
 from towval.model.geometry import compose, inverse_transform
 from towval.tracking.co_moving import co_moving
-from towval.tracking.follow import CONSTANTS as FOLLOW
+from towval.tracking.finished_track import CONSTANTS as FINISH
 from towval.tracking.middle import registration_of
 from towval.tracking.outline import CONSTANTS as OUTLINE
 from towval.tracking.outline import observe_outline, observe_sides, pose_from_clicks, settled
@@ -135,7 +135,7 @@ def _with_edges(
     its outline: there the edges are seen, but not as surely. Clicks may also lie on lines of the floor: these stay
     behind where the body moves, so edges count that all views show.
     """
-    least_m = FOLLOW.unsure_edges_px * target.metres_per_pixel(clicked)
+    least_m = FINISH.unsure_edges_px * target.metres_per_pixel(clicked)
     at_clicks = (observe_outline(luma, target, compose(step, clicked)) for luma, step in views)
     stds_m = [fit.largest_std_m for fit in at_clicks if fit is not None]
     if len(stds_m) < len(views) or max(stds_m) > least_m:

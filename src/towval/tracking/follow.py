@@ -7,24 +7,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from towval.model import Array, Finding, Track, TrackStatus
-from towval.model.findings import finding
 from towval.model.geometry import compose, transform, wrapped
-from towval.tracking.blur import ahead_of_middle
-from towval.tracking.camera_motion import ViewMotion
 from towval.tracking.echoes import Echoes
 from towval.tracking.edges_alone import ByEdges, EdgesAlone
 from towval.tracking.fields import Fields
+from towval.tracking.finished_track import Followed
 from towval.tracking.jumps import jump_findings
-from towval.tracking.known_lengths import lift_findings
-from towval.tracking.noise import as_when_moving, hold_rest, scatter_factors, steadied
 from towval.tracking.outline import OutlineFit, as_begun, judge_clicks, observe_outline, observe_size, pose_from_clicks
 from towval.tracking.planar_target import PlanarTarget
 from towval.tracking.pose import Measurement, Motion, Tracker, as_tracker, step_between
 from towval.tracking.record import Record
-from towval.tracking.registration import registration
 from towval.tracking.relocalisation import Candidate, Lookalikes, Relocaliser
 from towval.tracking.template import Luma
-from towval.tracking.two_measurements import EdgeWatch, compared, edges
+from towval.tracking.two_measurements import EdgeWatch
 from towval.tracking.warped_top import WarpedTop
 
 TrackerMaker = Callable[[PlanarTarget, Luma, Array], Tracker]
@@ -36,7 +31,6 @@ class FollowConstants:
 
     outline_every_s: float = 0.5  # [s] Between pictures whose edges are fitted, at first;
     outline_doubled_after: int = 12  # doubled after each dozen, so that a long video costs little more.
-    unsure_edges_px: float = 0.15  # [px] Deviation: sharp edges give up to 0.1, blurred ones 0.2 and more.
     most_acceleration: float = 5.0  # [m/s²] ASSUME: half of gravity, more than wheels or a tether give.
     surprise_px: float = 3.0  # [px] From the prediction, beyond what acceleration explains.
     search_every_s: float = 0.23  # [s] Between searches for a lost body: both ways of it within half a second.
@@ -46,12 +40,6 @@ class FollowConstants:
     much_farther: float = 4.0  # Distance of a rival over that of the find for which the find counts.
     remembered_s: float = 3.0  # [s] How long the last place is of use for a body that may move unobserved.
     most_covered: float = 0.3  # Of a target over another body: bodies stand beside each other.
-    low_texture_px: float = 0.12  # [px] Deviation of a pose from which on a target counts as too plain.
-    moving_px: float = 0.1  # [px] A picture: a body that moves less shows compression's repeated error.
-    most_scatter_px: float = 0.06  # [px] More is a motion that five pictures do not follow, not noise.
-    most_turned: float = 2.0  # Times the predicted scatter of headings: that of a few marks is 1.2 to 2 times as large.
-    most_rest_px: float = 0.1  # [px] Poses of a body at rest lie within this.
-    named_blur_px: float = 1.0  # [px] A blur so wide is reported; readings are smoothed by 0.6 px anyway.
 
 
 CONSTANTS = FollowConstants()
@@ -333,39 +321,22 @@ class Follower:
         path = float(np.hypot(gone[0], gone[1])) + self.pixel_m
         return np.diag(np.square([path, path, gone[2] + self.pixel_m / self.target.reach_m]))
 
-    def track(self, method: str, further_findings: tuple[Finding, ...] = (), view: ViewMotion | None = None) -> Track:
-        """The whole record as a track: registered to the edges of all pictures, noise estimated, rests held.
-
-        ``view``: how the camera moved, where it was watched.
-        """
-        time_s, raw, covariance, status, inliers, residual = self.record.columns()
-        if view is not None:
-            shift, by_view = view.of_poses(self.target.body, raw)
-            raw, covariance = raw + shift, covariance + by_view
-            status[(status == TrackStatus.TRACKED) & ~view.known] = TrackStatus.COASTING
-        tracked = status == TrackStatus.TRACKED
-        raw = raw - ahead_of_middle(time_s, np.where(tracked[:, None], raw, np.nan), self.tracker.exposure_s)
-        self._without_first(covariance, tracked)
-        raw, covariance, fit = self._with_outline(time_s, raw, covariance)
-        moving = self._moving(raw, tracked)
-        covariance = self._honest_covariance(time_s, raw, covariance, tracked, moving)
-        most = CONSTANTS.most_rest_px * self.pixel_m * np.array([1, 1, 1 / self.target.reach_m])
-        pose = hold_rest(time_s, raw, covariance, tracked, most)
-        covariance = as_when_moving(covariance, tracked & moving, tracked & ~moving)
-        if fit is not None:
-            pose = compose(pose, fit.correction)
-        return Track(
-            body=self.target.body.name,
-            time_s=time_s,
-            pose=pose,
-            covariance=covariance,
-            status=status,
-            inlier_fraction=inliers,
-            residual=residual,
-            start_covariance=self.start_covariance if fit is None else fit.covariance,
-            features=self.record.features(raw, self.target.body.tracked_plane_height_m),
-            findings=(*self.findings, *self._judge_observations(time_s, covariance, status), *further_findings),
-            method=method,
+    def followed(self) -> Followed:
+        """What is known of the body after the last picture."""
+        return Followed(
+            target=self.target,
+            pixel_m=self.pixel_m,
+            first_pose=self.first_pose,
+            start_covariance=self.start_covariance,
+            record=self.record,
+            edge_watch=self.edge_watch,
+            edges_alone=self.edges_alone,
+            fits=self.outline_fits,
+            fitted_in=self.fitted_in,
+            exposure_s=self.tracker.exposure_s,
+            widest_blur_px=self.tracker.widest_blur_px,
+            mistakable=self.mistakable,
+            findings=self.findings,
         )
 
     def jumps(self, track: Track, taken: NDArray[np.bool_]) -> list[Finding]:
@@ -373,78 +344,3 @@ class Follower:
         seen = track.seen & taken
         observed = track.time_s[seen], track.pose[seen], track.covariance[seen]
         return jump_findings(self.target, *observed, self._explained_m)
-
-    def _moving(self, pose: Array, tracked: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Pictures (n,) after which the body moves on."""
-        masked = np.where(tracked[:, None], pose[:, :2], np.nan)
-        step = np.linalg.norm(np.diff(masked, axis=0, append=np.nan), axis=1)
-        return np.asarray(step > CONSTANTS.moving_px * self.pixel_m)
-
-    def _honest_covariance(
-        self, time_s: Array, pose: Array, covariance: Array, tracked: NDArray[np.bool_], moving: NDArray[np.bool_]
-    ) -> Array:
-        """Covariances of the pictures' residuals, widened to those of pictures around and to the scatter in time."""
-        covariance[tracked] = steadied(covariance[tracked])
-        factors = scatter_factors(time_s, np.where(tracked[:, None], pose, np.nan), covariance, moving)
-        if tracked.any():
-            most = CONSTANTS.most_scatter_px * self.pixel_m / np.sqrt(np.median(covariance[tracked][:, 0, 0]))
-            whole = min(factors[0], max(1.0, most))
-            turn = min(factors[1], max(whole, CONSTANTS.most_turned))
-            covariance[tracked] *= np.outer([whole, whole, turn], [whole, whole, turn])
-        return covariance
-
-    def _without_first(self, covariance: Array, tracked: NDArray[np.bool_]) -> None:
-        """The first picture made the template, so it fits itself: its noise is that of the others."""
-        later = np.flatnonzero(tracked)[1:]
-        if tracked[0]:
-            covariance[0] = np.median(covariance[later], axis=0) if len(later) else self.start_covariance
-
-    def _with_outline(self, time_s: Array, pose: Array, covariance: Array) -> tuple[Array, Array, OutlineFit | None]:
-        """Poses and covariances with what the outline says of them, and the registration."""
-        looks = self.edge_watch.looks()
-        if not len(looks.picture):
-            self.findings += self._judge_registration(None, np.zeros(2))
-            return pose, covariance, None
-        seen = compared(time_s, pose, covariance, looks, edges(self.target, self.first_pose))
-        self.findings += lift_findings(self.target, time_s[looks.picture], pose[looks.picture], looks.size)
-        excess, usual_m = (seen.excess + seen.hops)[self.fitted_in], self.usual_size()
-        fit = registration(self.outline_fits, excess, usual_m, seen.strayed, self.pixel_m)
-        self.findings += self._judge_registration(fit, usual_m)
-        std_m = float(np.percentile(np.sqrt(np.linalg.eigvalsh(seen.excess[looks.picture, :2, :2])[:, -1]), 95))
-        if std_m > CONSTANTS.unsure_edges_px * self.pixel_m:
-            self.findings.append(finding("texture_unsure", name=self.target.body.name, std_mm=1000 * std_m))
-        self.findings += self.edges_alone.findings(len(pose))
-        alone, widened = self.edges_alone.pictures, seen.widened(pose, covariance)
-        seen.steps[alone], widened[alone] = self.edges_alone.steps(fit), covariance[alone]
-        return compose(pose, seen.steps), widened, fit
-
-    def usual_size(self) -> Array:
-        """By how much length and width (2,) of the outline are usually found other than stated [m]; zero if never."""
-        sizes = self.edge_watch.looks().size
-        return np.asarray(np.median(sizes, axis=0)) if len(sizes) else np.zeros(2)
-
-    def _judge_registration(self, fit: OutlineFit | None, usual_m: Array) -> list[Finding]:
-        """Findings about edges, whose length and width are usually ``usual_m`` (2,) more than those of the top."""
-        name = self.target.body.name
-        if fit is None:
-            return [finding("edges_not_found", name=name, std_mm=1000 * np.sqrt(self.start_covariance[0, 0]))]
-        if fit.largest_std_m <= CONSTANTS.unsure_edges_px * self.pixel_m:
-            return []
-        std_mm, length_mm, width_mm = 1000 * np.array([fit.largest_std_m, *usual_m])
-        return [finding("edges_unsure", name=name, std_mm=std_mm, length_mm=length_mm, width_mm=width_mm)]
-
-    def _judge_observations(self, time_s: Array, covariance: Array, status: NDArray[np.uint8]) -> list[Finding]:
-        """Findings about frames without an observation, and about a target too plain to be tracked well."""
-        findings, name, tracked = [], self.target.body.name, status == TrackStatus.TRACKED
-        missed, lost = time_s[~tracked], int((status == TrackStatus.LOST).sum())
-        if len(missed):
-            counts = {"count": len(missed), "frames": len(status), "lost": lost, "bridged": len(missed) - lost}
-            findings.append(finding("not_seen", name=name, **counts, first_s=missed[0], last_s=missed[-1]))
-        if self.tracker.widest_blur_px > CONSTANTS.named_blur_px:
-            findings.append(finding("focus_changed", name=name, blur_px=self.tracker.widest_blur_px))
-        if self.mistakable:
-            findings.append(finding("lookalike", name=name, count=self.mistakable))
-        std_m = float(np.sqrt(np.median(covariance[tracked][:, 0, 0]))) if tracked.any() else 0.0
-        if std_m > CONSTANTS.low_texture_px * self.pixel_m:
-            findings.append(finding("low_texture", name=name, std_mm=1000 * std_m))
-        return findings

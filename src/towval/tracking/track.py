@@ -14,6 +14,7 @@ from towval.model.plugins import Registry
 from towval.tracking.camera_motion import CameraMotion, ViewMotion
 from towval.tracking.echoes import echo_findings, lateness
 from towval.tracking.fields import field_findings, field_lateness
+from towval.tracking.finished_track import finished
 from towval.tracking.follow import Follower, TrackerMaker
 from towval.tracking.invented import check_invented
 from towval.tracking.klt import KltTracker
@@ -144,11 +145,14 @@ class _Group:
         self, view: ViewMotion, camera_findings: tuple[Finding, ...], calibration: Calibration
     ) -> dict[str, Track]:
         """The tracks by name, with the findings that they share and the total covariance."""
-        tops = [OutlineSizes(one.target, one.first_pose, one.sizes, one.usual_size()) for one in self.followers]
+        tops = [
+            OutlineSizes(one.target, one.first_pose, one.sizes, one.edge_watch.usual_size()) for one in self.followers
+        ]
         size, size_std = size_of_tops(calibration, tops)
         of_lengths = (*length_findings(tops, size, size_std), *scale_findings(calibration, tops))
         findings = (*camera_findings, *_sample_findings(self.settings), *of_lengths)
-        tracks = {one.target.body.name: one.track(self.settings.method, findings, view) for one in self.followers}
+        bodies, method = [one.followed() for one in self.followers], self.settings.method
+        tracks = {one.target.body.name: finished(one, method, findings, view) for one in bodies}
         as_tracked = tracks
         tracks, in_time, stamps = check_stamps(tracks)
         tracks, of_rhythm = check_invented(tracks)

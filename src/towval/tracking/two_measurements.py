@@ -157,6 +157,11 @@ class EdgeWatch:
         rows = np.array(self.rows).reshape(-1, _NUMBERS)
         return Looks(rows[:, 0].astype(int), rows[:, 1:4], rows[:, 4:13].reshape(-1, 3, 3), rows[:, 13:])
 
+    def usual_size(self) -> Array:
+        """By how much length and width (2,) of the outline are usually found other than stated [m]; zero if never."""
+        sizes = self.looks().size
+        return np.asarray(np.median(sizes, axis=0)) if len(sizes) else np.zeros(2)
+
 
 @compiled()
 def _medians(columns: Array) -> Array:
