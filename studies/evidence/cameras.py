@@ -18,7 +18,7 @@ from studies.evidence.planting import both, replaced, result_of
 from studies.tables.camera_faults import filmed
 from towval.commands import simulate, track
 from towval.model import Track
-from towval.tracking import alignment, follow
+from towval.tracking import alignment, finished_track
 from towval.tracking import track as tracking
 from towval.tracking.blur import Shutter
 from towval.tracking.clicks import Clicked
@@ -111,7 +111,7 @@ uncorrected = both(
     replaced(Shutter, "exposure_s", lambda _: property(lambda _self: 0.0)),
     replaced(alignment, "LIGHT", lambda _: LightConstants(gain_spread=1e-3)),
     # The texture is right where the outline contradicts it, clicks are right, and nothing covers a top at the start.
-    replaced(follow, "compared", result_of(_without_steps)),
+    replaced(finished_track, "compared", result_of(_without_steps)),
     replaced(track, "check_clicks", lambda _: _as_clicked),
     replaced(track, "standing_still", lambda _: lambda *_given: []),
     # All rows are read at once; each picture was taken.

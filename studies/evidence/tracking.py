@@ -18,7 +18,7 @@ from studies.evidence.tracker_faults import REFUSING, UNDOUBTING, UNDOUBTING_SAY
 from studies.tables import tracking_accuracy, tracking_cpu, tracking_memory
 from studies.worlds.challenges import ACCURATE, FLAGGED, HARD
 from towval.io.video import Luma
-from towval.tracking import follow
+from towval.tracking import finished_track
 from towval.tracking.plane_tracker import PlaneTracker
 
 _HERE = sys.modules[__name__]
@@ -99,12 +99,16 @@ SCENES = Check(
     {
         "measured poses scatter by 0.4 mm and 0.1°, those of every twentieth picture do not count, and any top is too "
         "plain": both(
-            scattered(4e-4, 2e-3), REFUSING, replaced(follow, "CONSTANTS", lambda c: replace(c, low_texture_px=0.0))
+            scattered(4e-4, 2e-3),
+            REFUSING,
+            replaced(finished_track, "CONSTANTS", lambda c: replace(c, low_texture_px=0.0)),
         ),
         UNDOUBTING_SAYS: UNDOUBTING,
         "outlines are stated to be half as uncertain, in every tenth frame alone": both(
             replaced(
-                follow, "registration", result_of(lambda fit: fit and replace(fit, covariance=fit.covariance / 4))
+                finished_track,
+                "registration",
+                result_of(lambda fit: fit and replace(fit, covariance=fit.covariance / 4)),
             ),
             replaced(_HERE, "HARD", lambda scenes: {name: scenes[name] for name in ("every 10th frame",)}),
             replaced(_HERE, "FLAGGED", lambda _: {}),
