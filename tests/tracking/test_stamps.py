@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from towval.model import Stamp, Track, TrackStatus
+from towval.tracking import near_losses
 from towval.tracking import stamps as stamps_module
 from towval.tracking.rate import rate_findings, usual_steps_s
 from towval.tracking.stamps import _common, _dropped, _enough, _lateness_s, _share, _smoother, check_stamps
@@ -117,6 +118,29 @@ def test_two_pictures_lost_near_each_other_are_found_while_the_motion_changes(lo
     kept = np.delete(np.arange(250), [lost, lost + apart])
     assert codes(filmed(EVEN, EVEN, bumps=0.05)) == []
     assert codes(filmed(EVEN[kept], EVEN[:248], bumps=0.05)) == ["stamps_contradicted"]
+
+
+@pytest.mark.parametrize(("bend", "found"), [(0.47, True), (3.6, False)])
+def test_two_losses_are_not_told_from_a_start(bend, found):
+    """Of all the way of the three steps on one side, a half is gone on the other, or a quarter."""
+    since = np.array([0.0, 1, 2, 3, 5, 6, 8, 9])
+    place = 1e-3 * np.column_stack([since + bend / 9 * since**2, 0 * since])[None]
+    gone = [np.ptp(place[0, part, 0]) for part in (slice(4), slice(4, 8))]
+    assert gone[0] / gone[1] == pytest.approx(0.5 if found else 0.25, abs=0.01)
+    bodies, c = [(place, 1e-10), (2 * place, 1e-10)], stamps_module.CONSTANTS
+    assert near_losses.lost_in_two(np.arange(8.0)[None], bodies, c.dropped, c.smoother, c.goes_on) == [found]
+
+
+def test_a_start_that_a_codec_holds_back_is_no_loss():
+    """A taut tether starts both bodies at once. As measured on a filmed cube, which was not judged."""
+    rover = [0, 3, 4, 6, 15, 82, 96, 121, 193, 576, 858, 1176, 1501, 1914, 2336, 2766, 3217, 3738]
+    towed = [0, -1, 9, 17, 26, 66, 74, 73, 112, 449, 757, 1014, 1406, 1762, 2204, 2588, 3024, 3538]
+    tracks, rng = filmed(EVEN, EVEN), np.random.default_rng(1)
+    for name, start_um in (("rover", rover), ("object", towed)):
+        along_um = [*start_um, *(start_um[-1] + 480 * np.arange(1, 251 - len(start_um)))]
+        pose = np.column_stack([along_um, np.zeros((250, 2))]) + rng.normal(0, 2, (250, 3))
+        tracks[name] = replace(tracks[name], pose=1e-6 * pose)
+    assert codes(tracks) == []
 
 
 @pytest.mark.parametrize(("true_step", "seed"), [(-10, 0), (-3, 1), (-1, 2), (-1.5, 3), (0.5, 4)])

@@ -26,12 +26,14 @@ def misfit(time_s: Array, place: Array, extra: ArrayLike) -> Array:
 
 
 def lost_in_two(
-    time_s: Array, bodies: Sequence[tuple[Array, float]], better: float, each_better: float
+    time_s: Array, bodies: Sequence[tuple[Array, float]], better: float, each_better: float, goes_on: float
 ) -> NDArray[np.bool_]:
     """Whether pictures were lost in the middle step of eight pictures (m, 8), and in another one of their steps.
 
     ``bodies``: places (m, 8, 2) and usual misfit of each. All together have to fit ``better`` by so many times with
-    both steps that much longer, and each by itself by ``each_better`` times, its usual misfit left aside.
+    both steps that much longer, and each by itself by ``each_better`` times, its usual misfit left aside. Bodies that
+    are tied together start and stop together, at once, or held back by a codec, and two longer steps fit that as well:
+    so each has to go as far before the middle step as after it, or that share of it at least, and the other way round.
     """
 
     def misfits(times_s: Array, extra: float) -> Array:
@@ -43,4 +45,7 @@ def lost_in_two(
         otherwise = misfits(time_s + lost * usual_s * (np.arange(2 * SIDE) >= beside), extra)
         by_each = (1 + as_stamped > each_better * (1 + otherwise)).all(axis=0)
         found |= by_each & (as_stamped.sum(axis=0) > better * otherwise.sum(axis=0))
+    for place, _ in bodies:
+        gone = [np.linalg.norm(place[:, last] - place[:, first], axis=1) for first, last in ((0, SIDE - 1), (SIDE, -1))]
+        found &= np.minimum(*gone) >= goes_on * np.maximum(*gone)
     return found & (len(bodies) > 1)

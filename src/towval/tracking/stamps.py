@@ -37,6 +37,7 @@ class StampConstants:
     leap: float = 3.0  # Of a body's usual speed, at which it leaves a rest only where the picture had been frozen.
     dropped: float = 10.0  # Times as well that all bodies fit a smooth curve with a step more: 7 is the most by chance,
     unlike: float = 25.0  # where without it they miss it by so many times their usual misfit, squared.
+    goes_on: float = 0.4  # Of the way of three steps after two losses, before them: a start from rest makes 0.1 to 0.3.
     odd: float = 0.1  # Of a step, by which its stamps miss a whole number of usual ones: bodies are asked
     dropped_odd: float = 5.0  # whether that whole number fits them so many times as well,
     unlike_odd: float = 6.0  # at less of a misfit: of all steps it is this one, and of all lengths this.
@@ -336,7 +337,7 @@ def _dropped(tracks: Mapping[str, Track], kept: NDArray[np.bool_]) -> NDArray[np
         for extra in _OTHER_STEPS
     ]
     there = [(place[rows], usual) for place, usual in bodies]
-    by_two = lost_in_two(time_s[rows], there, CONSTANTS.dropped, CONSTANTS.smoother)
+    by_two = lost_in_two(time_s[rows], there, CONSTANTS.dropped, CONSTANTS.smoother, CONSTANTS.goes_on)
     dropped[SIDE - 1 + at] = by_two | (leftover[at] > CONSTANTS.dropped * np.sum(others, axis=1).min(axis=0))
     return dropped | _odd(time_s, index, leftover, bodies)
 
