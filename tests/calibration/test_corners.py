@@ -178,6 +178,21 @@ def test_charuco_board_may_leave_the_picture():
     assert 8 <= len(observation.corners_px) < 40
 
 
+@pytest.mark.parametrize("scale", [0.5, 0.9])
+def test_a_charuco_board_of_which_a_few_corners_are_seen_is_none_or_enough_of_one(scale):
+    """A line of corners, or two or three of them, do not tell how it lies: one had ended in an error of OpenCV."""
+    image, _ = charuco_picture(scaled(TURNED, scale))
+    counts = []
+    for part in range(120, 460, 12):
+        for kept in (np.s_[:, :part], np.s_[:part]):
+            shown = np.full_like(image, 128)
+            shown[kept] = image[kept]
+            observation = observe_charuco("a", shown, CHARUCO)
+            counts.append(0 if observation is None else len(observation.corners_px))
+    assert min(counts) == 0
+    assert min(count for count in counts if count) >= 8
+
+
 def test_too_little_of_a_charuco_board_is_no_observation():
     image, _ = charuco_picture(TURNED - [430, 0])
     assert observe_charuco("a", image, CHARUCO) is None

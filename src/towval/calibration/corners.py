@@ -136,15 +136,15 @@ def observe_charuco(
     pattern = _charuco_pattern(board, old_layout)
     places: Array = np.asarray(pattern.getChessboardCorners(), dtype=np.float64)[:, :2]
     found, which = _charuco_corners(image, pattern)
-    small = not len(which) or _predicted_spacing(places[which], found, board.square_m).min() < CONSTANTS.small_marked_px
-    if len(which) < len(places) and small and (twice := _enlarged(image)) is not None:
+    large = _enough(places[which], board.square_m) and (
+        _predicted_spacing(places[which], found, board.square_m).min() >= CONSTANTS.small_marked_px
+    )
+    if len(which) < len(places) and not large and (twice := _enlarged(image)) is not None:
         again, which_again = _charuco_corners(twice, pattern)
         if len(which_again) > len(which):
             found, which = _before_enlarging(again), which_again
-    if len(which) < CONSTANTS.fewest_corners:
-        return None
     grid = places[which]
-    if np.linalg.matrix_rank(grid - grid.mean(axis=0), tol=0.5 * board.square_m) < 2:
+    if not _enough(grid, board.square_m):
         return None
     # The window must end before the markers, which stand inside the white squares.
     inset = 0.5 * (1 - (board.marker_m or 0.0) / board.square_m)
@@ -158,6 +158,13 @@ def observe_charuco(
     on_board = (grid - middle) / half
     on_board = on_board if columns >= rows else on_board[:, ::-1] * [1.0, -1.0]
     return BoardObservation(name, refined, facing_camera(grid, refined), facing_camera(on_board, refined))
+
+
+def _enough(grid: Array, square_m: float) -> bool:
+    """Whether corners (n, 2) of a board are enough, and not all on a line, to tell how it lies."""
+    if len(grid) < CONSTANTS.fewest_corners:
+        return False
+    return bool(np.linalg.matrix_rank(grid - grid.mean(axis=0), tol=0.5 * square_m) == 2)
 
 
 def _charuco_corners(image: NDArray[np.uint8], pattern: cv2.aruco.CharucoBoard) -> tuple[Array, NDArray[np.intp]]:
