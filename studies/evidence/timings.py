@@ -49,6 +49,14 @@ _OURS = {"lap": f"lap, {ROSENBROCK}, 1e-06 m, CPU", "stick-slip": f"stick-slip, 
 
 
 def _integrators() -> Values:
+    found = _work_precision()
+    for name, again in _work_precision().items():  # The least of two: another process beside one of them counts less.
+        found[name] = min(found[name], again) if name.endswith(", CPU") else again
+    costs = {name: cost for name, cost in found.items() if name.endswith(", CPU")}
+    return found | {f"{name} over ours": cost / found[_OURS[name.split(",")[0]]] for name, cost in costs.items()}
+
+
+def _work_precision() -> dict[str, float]:
     found: dict[str, float] = {}
     for name, methods in _SHOWN.items():
         scene = SCENES[name]()
@@ -59,8 +67,7 @@ def _integrators() -> Values:
                 found |= {f"{at}, calls": row["rate_calls"]}
                 if row["call_s"]:
                     found["a call from Python"] = 1e6 * row["call_s"]
-    costs = {name: cost for name, cost in found.items() if name.endswith(", CPU")}
-    return found | {f"{name} over ours": cost / found[_OURS[name.split(",")[0]]] for name, cost in costs.items()}
+    return found
 
 
 INTEGRATORS = Check(
