@@ -31,9 +31,9 @@ def parts_of(study):
     return STUDY_PARTS[study]
 
 
-def code_with(command, reference):
-    """Fingerprint of a command and of the module behind a reference, with all that they import."""
-    return code(command) + code(module_of(reference))
+def code_with(command, reference, without=()):
+    """Fingerprint of a command and of the module behind a reference, with all that they import but these files."""
+    return code(command, without) + code(module_of(reference), without)
 
 
 def drawing_tables(figure):

@@ -47,6 +47,15 @@ def test_a_schema_counts_for_those_who_read_it(package):
     assert provenance.module_hash("towval.commands.calibrate") != before
 
 
+def test_a_file_left_out_does_not_count(package):
+    schema = package / "io" / "campaign.schema.yaml"
+    before = provenance.module_hash("towval.commands.calibrate", without=[schema])
+    edit(schema)
+    assert provenance.module_hash("towval.commands.calibrate", without=[schema]) == before
+    edit(package / "io" / "campaign.py")
+    assert provenance.module_hash("towval.commands.calibrate", without=[schema]) != before
+
+
 def test_a_study_changes_with_what_it_imports_from_the_package(package):
     before = provenance.module_hash("studies.maps.integrators")
     edit(package / "physics" / "wrench.py")

@@ -8,7 +8,7 @@ import platform
 import re
 import sysconfig
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from importlib import metadata
@@ -158,16 +158,19 @@ def _content_hash(path: Path, known: dict[str, Any]) -> str:
 _SETTLED_NS = 2_000_000_000
 
 
-def module_hash(name: str) -> str:
+def module_hash(name: str, without: Collection[Path] = ()) -> str:
     """Fingerprint of a module and of all it imports, directly or not, but installed libraries.
 
     Workflow rules carry it as a parameter: an edit in a module then reruns the rules that use it, and no others. Data
     files that lie beside a module (schemas, templates, styles) count where the module names them.
 
-    ``name``: a module as one imports it, of this package or of another that stands beside it as source.
+    ``name``: a module as one imports it, of this package or of another that stands beside it as source. ``without``:
+    files that do not count though a module names them.
     """
     digest = hashlib.sha256()
     for path in module_files(name):
+        if path in without:
+            continue
         digest.update(_file_digest(path, path.stat().st_mtime_ns))
     return digest.hexdigest()[:16]
 
