@@ -310,6 +310,18 @@ def test_a_map_shows_the_wanted_path_and_whose_each_bend_is(tmp_path):
     assert not {"object, desired", "bend due to the rover's limit"} & texts[1]
 
 
+def test_a_path_of_few_points_with_times_is_as_long_and_drawn_as_it_is_planned(tmp_path, monkeypatch):
+    """The map drew chords, which the object left by 15 cm, and the length was theirs."""
+    angle, drawn = np.linspace(0, np.pi, 5), []
+    columns = {"x_m": 2 * np.cos(angle), "y_m": 2 * np.sin(angle), "time_s": np.linspace(0, 120, 5)}
+    pd.DataFrame(columns).to_csv(tmp_path / "half.csv", index=False)
+    monkeypatch.setattr("towval.report.figures.plan.plan_figure", lambda *given: drawn.append(given[3]) or Figure())
+    plan, table, drawing = (tmp_path / name for name in ("p.mcap", "p.csv", "p.svg"))
+    planned = run(quick_plan(), str(tmp_path / "half.csv"), plan, table, map_file=drawing)
+    assert planned.numbers["path_length_m"] == pytest.approx(2 * np.pi, rel=5e-3)  # chords: 2.6 % less
+    assert np.hypot(*drawn[0].T) == pytest.approx(2, abs=0.02)
+
+
 def test_a_map_replaces_only_a_map(tmp_path):
     mine = tmp_path / "drawing.svg"
     Figure().savefig(mine)  # by the library that draws the maps, too
