@@ -12,6 +12,7 @@ from towval.io.manifest import write_manifest
 from towval.io.mcap_file import write_mcap
 from towval.io.provenance import file_hash
 from towval.io.results_index import UNFINISHED, read_results, write_index
+from towval.model.conventions import STAGES_OF_RUN
 from towval.model.errors import InputError
 
 
@@ -85,6 +86,22 @@ def test_a_comparison_that_does_not_belong_to_the_run_is_not_made(tmp_path):
     runs = read_results([tmp_path]).runs
     assert runs["state"].tolist() == ["track", "uncertainty", "compare"]
     assert runs["verdict"].tolist() == [UNFINISHED, UNFINISHED, "agrees"]
+
+
+@pytest.mark.parametrize("gone", ["a/track.mcap", "a/simulate.mcap", "camera.mcap"])
+def test_a_verdict_on_what_could_not_be_made_anew_does_not_count(tmp_path, gone):
+    """A new video was refused by the tracker: --fail-on passed by the verdict on the video before."""
+    lab, names = tmp_path / "lab", ("camera", *STAGES_OF_RUN)
+    for k, name in enumerate(names):
+        inputs = {f"{other}.mcap": "ff" for other in names[:k]}
+        where = lab if name == "camera" else lab / "a"
+        write_mcap(where / f"{name}.mcap", [], COMPARED, {"inputs_sha256": json.dumps(inputs)})
+        os.utime(where / f"{name}.mcap", (k, k))
+    (lab / "a" / "logs").mkdir()
+    (lab / "a" / "logs" / "track.log").touch()
+    assert read_results([tmp_path]).runs["verdict"].tolist() == ["agrees"]
+    (lab / gone).unlink()
+    assert read_results([tmp_path]).runs["verdict"].tolist() == [UNFINISHED]
 
 
 def test_a_run_that_a_later_report_leaves_out_is_passed_over(tmp_path):

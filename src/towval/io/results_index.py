@@ -63,8 +63,8 @@ def read_results(folders: Sequence[Path]) -> ResultsIndex:
     """Index of all runs below ``folders``, each the results of one campaign or of many.
 
     Only details and provenance of the files are read. A file that is damaged, vanishes meanwhile or is of a version
-    that wrote them otherwise counts as not made, and so does one of another run, or one made of a file that has been
-    replaced since.
+    that wrote them otherwise counts as not made, and so does one of another run, or one made of a file that is gone or
+    has been replaced since.
     Results of a run that a later report of its campaign leaves out are passed over, and so is a campaign that one of
     the folders before has led to.
 
@@ -193,23 +193,25 @@ def _rows_of(run: Path, camera: _Stage | None) -> Iterator[tuple[str, tuple[Any,
 
 
 def _belonging(run: Path, camera: _Stage | None) -> dict[str, _Stage]:
-    """The stages of a run, without what is of another run or was made of files that have been replaced since.
+    """The stages of a run, without what is of another run or was made of files that are gone or have been replaced.
 
     Only a file that is newer than what was made of it is hashed: copies lose the order of times, results are many.
     """
-    found = {stage: known for stage in STAGES_OF_RUN if (known := _stage_of(run / f"{stage}.mcap"))}
-    before = {"camera": (run.parent / "camera.mcap", camera)} if camera else {}
     kept: dict[str, _Stage] = {}
-    for stage, known in found.items():
-        named = [name for name in before if f"{name}.mcap" in known.inputs]
-        stale = any(
-            (name in found and name not in kept)
-            or (before[name][1].made_s > known.made_s and _replaced(before[name][0], known.inputs[f"{name}.mcap"]))
-            for name in named
-        )
-        if not stale and len({known.run, *(other.run for other in kept.values())}) == 1:
-            kept[stage] = known
-        before[stage] = run / f"{stage}.mcap", known
+    before = {"camera": (run.parent / "camera.mcap", camera)}
+    for stage in STAGES_OF_RUN:
+        path = run / f"{stage}.mcap"
+        known = _stage_of(path)
+        if known is not None:
+            named = [(*before[name], known.inputs[f"{name}.mcap"]) for name in before if f"{name}.mcap" in known.inputs]
+            stale = any(
+                origin is None or (origin.made_s > known.made_s and _replaced(place, digest))
+                for place, origin, digest in named
+            )
+            if not stale and len({known.run, *(other.run for other in kept.values())}) == 1:
+                kept[stage] = known
+        # The workflow takes a file away before it makes it anew: where that fails, what was made of it stays.
+        before[stage] = path, kept.get(stage)
     return kept
 
 
