@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from report_scenes import TOWED, ceiling_calibration, towed_run
-from towval.model import CameraTrack, Stamp
+from towval.model import CameraTrack, Stamp, Verdict
 from towval.model.results import START_OFF, STICKING
 from towval.report.facts import (
     calibration_facts,
@@ -53,12 +53,20 @@ def test_a_statistic_that_could_not_be_anything_but_zero_is_no_test_that_was_pas
     run = with_error(towed_run(), [0.003, 0.004, 0.0])
     tested = {"size_statistic": 1.0, "size_limit": 2.0, "shape_statistic": 3.0, "shape_limit": 4.0}
     nothing = {"input_statistic": 0.0, "input_limit": 1e-9}
-    run = replace(run, comparison=replace(run.comparison, **tested, **nothing))
+    run = replace(run, comparison=replace(run.comparison, **tested, **nothing, verdict=Verdict.AGREES))
     assert "Effect of one input" not in [name for name, _, _ in deciding(run.comparison)]
     assert [share for name, _, share in deciding(run.comparison) if name.endswith("the error")] == [0.5, 0.75]
     said = dict(metric_facts(run))
     assert said["One input's effect, in deviations, and limit"] == NOT_COMPUTED
     assert said["Shape of the error, in deviations, and limit"] == "3.00 / 4.00"
+
+
+def test_nothing_decides_a_run_that_is_not_judged():
+    """Beside "none: not judged" a green bar had said "Error at most 3.1 of 20.0 mm", as what decides."""
+    known = {"error_upper_m": 0.0031, "detectable_m": 0.005, "tolerance_m": 0.02}
+    run = replace(towed_run().comparison, **known, verdict=Verdict.AGREES)
+    assert [name for name, _, _ in deciding(run)] == ["Error at most", "Faults seen from"]
+    assert deciding(replace(run, verdict=Verdict.NOT_JUDGED)) == ()
 
 
 def test_scale_and_motion_of_the_camera_are_stated():

@@ -93,7 +93,12 @@ def slips(run: RunRecord) -> tuple[str, ...]:
 
 
 def deciding(c: Comparison) -> tuple[tuple[str, str, float], ...]:
-    """The basis of the verdict: name, value and limit as text, value over limit; without what was not computed."""
+    """The basis of the verdict: name, value and limit as text, value over limit; without what was not computed.
+
+    Nothing where the run is not judged: none of it decided, and a bound there is not to be cited.
+    """
+    if c.verdict is Verdict.NOT_JUDGED:
+        return ()
     lengths = (("Error at most", c.error_upper_m), ("Faults seen from", c.detectable_m))
     names = {"size": "Size of the error", "shape": "Shape of the error", "input": "Effect of one input"}
     rows = [
