@@ -121,6 +121,22 @@ def test_a_run_that_a_later_report_leaves_out_is_passed_over(tmp_path):
     assert read_results([tmp_path]).runs["run"].tolist() == ["a", "b"]
 
 
+def test_a_run_that_was_left_out_stays_so_in_a_copy_without_times(tmp_path):
+    """Copied after the list of files, by the order of names, it counted again, and verify named its files."""
+    lab = tmp_path / "lab"
+    for run in ("a", "straight"):
+        make_run(lab / run)
+    (lab / "report.html").write_text("page")
+    write_manifest(lab / "files.sha256", [lab / "a" / "track.mcap", lab / "report.html"])
+    copied = ["a/track.mcap", "files.sha256", "report.html", *(f"straight/{stage}.mcap" for stage in STAGES_OF_RUN)]
+    for k, name in enumerate(copied):
+        os.utime(lab / name, (k, k))
+    assert read_results([tmp_path]).runs["run"].tolist() == ["a"]
+    # Of another page there is no telling: the run may be on its way into the next report.
+    (lab / "report.html").write_text("another")
+    assert read_results([tmp_path]).runs["run"].tolist() == ["a", "straight"]
+
+
 def test_the_file_holds_what_was_read(tmp_path):
     make_run(tmp_path / "lab" / "a")
     index = read_results([tmp_path])

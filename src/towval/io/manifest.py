@@ -107,6 +107,17 @@ def listed_folders(path: Path) -> set[str]:
     return {name.split("/")[0] for _, name in _entries(path) if "/" in name}
 
 
+def is_copied(path: Path) -> bool:
+    """Whether times in the folder are those of copying: a page, table or figure is newer than the list of it.
+
+    The stage report writes the list last. Raises as :func:`read_manifest`.
+    """
+    made = path.stat().st_mtime_ns
+    of_report = [(stated, path.parent / name) for stated, name in _entries(path) if not name.endswith(".mcap")]
+    newer = (row for row in of_report if is_plain_file(row[1]) and row[1].stat().st_mtime_ns > made)
+    return any(file_hash(file) == stated for stated, file in newer)
+
+
 def _entries(path: Path) -> list[tuple[str, str]]:
     """SHA-256 and name of each line."""
     text = read_bytes(path, _MOST_BYTES, "run the stage report").decode("utf-8", errors="replace")

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from towval.io.atomic import check_own, replacing
-from towval.io.manifest import MANIFEST, listed_folders
+from towval.io.manifest import MANIFEST, is_copied, listed_folders
 from towval.io.mcap_file import read_details
 from towval.io.provenance import file_hash
 from towval.io.summary import COLUMNS
@@ -113,13 +113,19 @@ def _runs(campaign: Path) -> list[Path]:
 
 
 def current_runs(campaign: Path) -> list[Path]:
-    """The runs but those that the last report leaves out: older than its list of files, and not on it."""
+    """The runs but those that the last report leaves out: older than its list of files, and not on it.
+
+    In a copy that has lost the order of times, all that are not on it.
+    """
     listing = campaign / MANIFEST
     try:
         listed, made = listed_folders(listing), listing.stat().st_mtime
+        further = [run for run in _runs(campaign) if run.name not in listed and _newest_s(run) > made]
+        if further and is_copied(listing):
+            further = []
     except (InputError, FileNotFoundError):
         return _runs(campaign)
-    return [run for run in _runs(campaign) if run.name in listed or _newest_s(run) > made]
+    return [run for run in _runs(campaign) if run.name in listed or run in further]
 
 
 def _newest_s(run: Path) -> float:
