@@ -19,7 +19,7 @@
   const columns = [
     { title: "Campaign", text: (i) => word("campaign", i) },
     { title: "Run", text: (i) => word("run", i) },
-    { title: "Verdict", text: (i) => word("verdict", i) + (word("verdict", i) === "unfinished" ? `, up to ${word("state", i)}` : "") },
+    { title: "Verdict", text: (i) => word("verdict", i) + (word("verdict", i) === "unfinished" && word("state", i) ? `, up to ${word("state", i)}` : "") },
     { title: "RMS [mm]", value: (i) => numbers.path_rms_m[i], digits: 2 },
     { title: "Max. [mm]", value: (i) => numbers.path_max_m[i], digits: 2 },
     { title: "u_val [mm]", value: (i) => numbers.u_val_m[i], digits: 2 },
@@ -239,7 +239,14 @@
   for (let i = 0; i < count; i++) lastMade[words.source.codes[i]] = Math.max(lastMade[words.source.codes[i]], numbers.made_s[i] || 0);
   const byTime = sources.map((_, k) => k).sort((a, b) => lastMade[a] - lastMade[b]);
   [byId("before").value, byId("after").value] = [byTime.at(-2) ?? 0, byTime.at(-1)];
-  ["Campaign", "Run", "Verdict", "RMS [mm]", "u_val [mm]", "What differs"].forEach((title) => {
+  const compared = [
+    ["RMS [mm]", numbers.path_rms_m, 3],
+    ["Max. [mm]", numbers.path_max_m, 3],
+    ["u_val [mm]", numbers.u_val_m, 3],
+    ["Heading [°]", numbers.heading_rms_rad, 4],
+    ["Lost frames", numbers.lost_frames, 0],
+  ];
+  ["Campaign", "Run", "Verdict", ...compared.map(([title]) => title), "What differs"].forEach((title) => {
     const cell = document.createElement("th");
     cell.textContent = title;
     byId("pairs").tHead.rows[0].append(cell);
@@ -266,7 +273,7 @@
     const pairs = [];
     for (let i = 0; i < count; i++) if (words.source.codes[i] === after && first.has(names[i])) pairs.push([first.get(names[i]), i]);
     const verdicts = pairs.filter(([a, b]) => word("verdict", a) !== word("verdict", b));
-    const moved = pairs.filter(([a, b]) => numbers.path_rms_m[a] !== numbers.path_rms_m[b] || numbers.u_val_m[a] !== numbers.u_val_m[b]);
+    const moved = pairs.filter(([a, b]) => compared.some(([, values]) => values[a] !== values[b]));
     byId("changed").textContent =
       `${pairs.length} runs are in both; the verdict changed in ${verdicts.length}, a number in ${moved.length}.`;
     const interesting = [...new Set([...verdicts, ...moved])];
@@ -278,8 +285,7 @@
           cellOf(word("campaign", b)),
           cellOf(word("run", b)),
           cellOf(was === is ? is : `${was} → ${is}`),
-          cellOf(arrow(numbers.path_rms_m[a], numbers.path_rms_m[b], 3), true),
-          cellOf(arrow(numbers.u_val_m[a], numbers.u_val_m[b], 3), true),
+          ...compared.map(([, values, digits]) => cellOf(arrow(values[a], values[b], digits), true)),
           cellOf(difference(a, b).join(", ") || "none of inputs, settings and version: same code, other bytes"),
         );
         return row;
