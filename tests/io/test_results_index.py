@@ -42,6 +42,15 @@ def test_a_folder_of_one_campaign_is_found_as_well(tmp_path):
     assert runs[["campaign", "run"]].values.tolist() == [["lab", "a"]]
 
 
+def test_a_run_beside_campaigns_does_not_hide_them(tmp_path):
+    """One track that was made by hand in results/tried: of all campaigns there nothing was read, without a word."""
+    make_run(tmp_path / "lab" / "a", verdict="disagrees")
+    make_run(tmp_path / "tried", up_to="track")
+    runs = read_results([tmp_path]).runs
+    found = [[tmp_path.name, "tried", UNFINISHED], ["lab", "a", "disagrees"]]
+    assert runs[["campaign", "run", "verdict"]].values.tolist() == found
+
+
 def test_runs_in_the_making_and_damaged_comparisons_are_unfinished(tmp_path):
     make_run(tmp_path / "lab" / "a", up_to="simulate")
     make_run(tmp_path / "lab" / "b")

@@ -103,9 +103,8 @@ def write_index(path: Path, index: ResultsIndex) -> None:
 
 
 def _campaigns(source: Path) -> list[Path]:
-    if _runs(source):
-        return [source]
-    return [folder for folder in _folders(source) if _runs(folder)]
+    """The folder itself and those in it, as far as they hold runs: beside campaigns there may be a run on its own."""
+    return [folder for folder in (source, *_folders(source)) if _runs(folder)]
 
 
 def _runs(campaign: Path) -> list[Path]:
