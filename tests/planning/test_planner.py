@@ -86,6 +86,18 @@ def test_the_hinge_moves_at_the_mean_speed_of_the_path_wherever_it_is(rover):
     np.testing.assert_allclose(plan.hinge[0], [1.5, 0.0], atol=1e-12)
 
 
+def test_a_hinge_that_gives_way_by_less_than_a_step_at_a_pause_bends_nothing():
+    """As the pull fades where the object comes to rest: of a straight path a bend of 0.008 mm was reported."""
+    there = np.linspace(0.0, 1.0, 101)
+    x = np.concatenate([there, [1.0 - 4e-5] * 20, 1.0 + there])
+    straight = np.column_stack([x, np.zeros_like(x)])
+    assert tightest_radius(straight) == np.inf
+    arc = 2.0 * np.column_stack([np.cos(x / 2), np.sin(x / 2)])
+    assert tightest_radius(arc) == pytest.approx(2.0, rel=1e-3)
+    back = np.concatenate([there, there[::-1]])
+    assert tightest_radius(np.column_stack([back, 0 * back])) < 0.01  # but one that turns back
+
+
 def test_a_pause_does_not_hold_back_the_planned_heading(rover):
     """Its points filled the moving average of the heading, as if the path went straight there: 5.5 mm RMS."""
     moving = timed("circle")

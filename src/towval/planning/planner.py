@@ -28,6 +28,9 @@ Point: TypeAlias = tuple[float, float]
 FOLLOWED = 2.5
 """A plan whose hinge deviates from the path by an RMS of more than this many arrival distances does not follow it."""
 
+_APART = 0.1
+"""Of the largest step of a path: what lies closer together says nothing of its bends."""
+
 _MOST_ROWS = 50_000_000
 """Of a plan that gets nowhere: so many take a minute and gigabytes."""
 
@@ -258,15 +261,30 @@ def _trailing_heading(heading: Array, size: Array, distance: float) -> Array:
 
 
 def tightest_radius(position: ArrayLike) -> float:
-    """Smallest radius of curvature of a sampled path (n, 2) [m], infinite when it is straight."""
-    chord = np.diff(locked(position, "path", (None, 2)), axis=0)
+    """Smallest radius of curvature of a sampled path (n, 2) [m], infinite when it is straight.
+
+    Between points that are :data:`_APART` at least: where the object comes to rest, the hinge gives way by less.
+    """
+    position = locked(position, "path", (None, 2))
+    least = _APART * np.linalg.norm(np.diff(position, axis=0), axis=1).max(initial=0.0)
+    chord = np.diff(_apart(position, float(least)), axis=0)
     size = np.linalg.norm(chord, axis=1)
-    moves = size > STILL * size.max(initial=0.0)
-    chord, size = chord[moves], size[moves]
     cross = chord[:-1, 0] * chord[1:, 1] - chord[:-1, 1] * chord[1:, 0]
     turn = np.abs(np.arctan2(cross, np.sum(chord[:-1] * chord[1:], axis=1)))
     bends = turn > 1e-9  # a straight line, up to rounding
     return float((0.5 * (size[:-1] + size[1:])[bends] / turn[bends]).min(initial=np.inf))
+
+
+@compiled()
+def _apart(position: Array, least: float) -> Array:
+    """The points (k, 2) of a path that are farther than ``least`` from the one kept before, the first included."""
+    kept = np.zeros(len(position), np.bool_)
+    last = 0
+    for k in range(len(position)):
+        gap = np.hypot(position[k, 0] - position[last, 0], position[k, 1] - position[last, 1])
+        if k == 0 or gap > least:
+            kept[k], last = True, k
+    return position[kept]
 
 
 @compiled()
