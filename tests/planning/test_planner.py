@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from paper_plan import quick_plan
 from studies.rover_geometry import constraint_residual, moved_by
+from towval.commands.plan import run
 from towval.model import TimedPath
 from towval.model.errors import InputError
 from towval.model.geometry import compose, transform
@@ -229,3 +231,12 @@ def test_tightest_radius_of_sampled_curves():
     assert tightest_radius(timed("circle").position) == pytest.approx(1.5, rel=1e-5)
     assert tightest_radius(timed("lemniscate").position) == pytest.approx(2 / 3, rel=1e-4)
     assert tightest_radius(timed("line").position) == np.inf
+
+
+def test_a_path_is_planned_to_its_end_where_its_time_is_no_whole_number_of_steps(tmp_path):
+    """What was left after the last whole step was left out: 17 cm of two metres, and the plan had arrived."""
+    plan, file = quick_plan(), tmp_path / "path.csv"
+    plan["planner"]["time_step_s"], plan["cube"]["centre_of_mass_m"] = 1.0, [0.0, 0.0]
+    file.write_text("x_m,y_m,time_s\n0,0,5\n1,0,10.45\n2,0,15.95\n")
+    planned = run(plan, str(file), tmp_path / "p.mcap", tmp_path / "p.csv")
+    assert planned.numbers["path_length_m"] == pytest.approx(2.0, abs=1e-6)

@@ -218,8 +218,12 @@ def _timed(scene: PlanScene, curve: Curve) -> TimedPath:
 
 
 def _planner_times(scene: PlanScene, path: TimedPath) -> Array:
-    """Times [s] at the planner's step over the duration of a path."""
-    times: Array = path.time_s[0] + scene.planner_step * np.arange(_steps(scene, np.ptp(path.time_s)) + 1)
+    """Times [s] at the planner's step over the whole duration of a path, or at a shorter one that divides it."""
+    duration_s, step_s = float(np.ptp(path.time_s)), scene.planner_step
+    steps = _steps(scene, duration_s)
+    if duration_s - steps * step_s > 1e-6 * step_s:
+        steps, step_s = steps + 1, duration_s / (steps + 1)
+    times: Array = path.time_s[0] + step_s * np.arange(steps + 1)
     return times
 
 
