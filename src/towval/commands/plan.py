@@ -81,12 +81,12 @@ def run(
     write_plan_mcap(output, planned, loop.towed, provenance("plan", document, inputs, document=lab_document))
     write_plan_csv(csv, loop.rover, loop.towed)
     limited = loop.rover.case != PlanCase.A
-    wished = nominal.pose[:, :2]  # between the points of a file it bends as well
+    desired = nominal.pose[:, :2]  # between the points of a file it bends as well
     off = {"object_rms_mm": 1e3 * loop.object_rms, "hinge_rms_mm": 1e3 * loop.rover.rms}
     numbers = {
         **off,
         "limited_share": float(np.mean(limited)),
-        "path_length_m": path_length(wished),
+        "path_length_m": path_length(desired),
         "duration_s": float(np.ptp(loop.rover.time_s)),
     }
     text = (
@@ -95,7 +95,7 @@ def run(
         f"the hinge from its own by {off['hinge_rms_mm']:.1f} mm; its bends are the rover's limit for "
         f"{100 * numbers['limited_share']:.0f} % of the time, else the path's own"
     )
-    files = (output, csv, *_mapped(map_file, loop.rover.hinge, loop.towed, given, wished, limited))
+    files = (output, csv, *_mapped(map_file, loop.rover.hinge, loop.towed, given, desired, limited))
     return Outcome("plan", files, text, numbers, found)
 
 
