@@ -205,6 +205,23 @@ def test_the_level_of_errors_that_contain_no_noise_is_the_confidence():
     np.testing.assert_allclose(np.mean(levels, axis=0), 0.95, atol=0.015)
 
 
+def test_bounds_hold_where_noise_hides_a_wrong_model():
+    """All of the draws is noise, and a model's error of 2 mm shows in three of four runs only."""
+    rng = np.random.default_rng(1)
+
+    def noisy(k):
+        return MM * (0.5 * rng.standard_normal((k, N, 3)) + 0.3 * rng.standard_normal((k, 1, 3)))
+
+    off, truth = noisy(256), 2 * MM * TIME[:, None] * [1.0, 0.5, 0.5]
+    drawn = 0.3 * MM * rng.standard_normal((256, 1, 3)) * TIME[:, None] - off
+    right, levels = RightModel.of(drawn, np.empty((256, 0)), 0.99), holding_levels(drawn, off, 0.95)
+    runs = truth - noisy(160)
+    rejected = right.rejects(runs)
+    assert 0.5 < np.mean(rejected) < 0.9
+    found = [bounds(error, off, 0.95, None if out else levels)[1] for error, out in zip(runs, rejected, strict=True)]
+    assert np.mean(error_sizes(truth) <= found, axis=0).min() >= 0.94
+
+
 def test_noise_of_one_direction_moves_the_bounds_by_its_quantiles():
     """An error of ten along, noise of one there: 10 ∓ 1.645."""
     noise = np.random.default_rng(2).normal(size=(20_000, 1, 3)) * [MM, 0.0, 0.0]
