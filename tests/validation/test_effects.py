@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from towval.model import Ground, Load
+from towval.model.geometry import position_rms
 from towval.model.inputs import INPUTS
 from towval.physics.ladder import DYNAMICS
 from towval.validation.effects import EFFECTS, moves_of_inputs, to_be_measured
@@ -89,6 +90,17 @@ def test_inputs_to_be_known_better_are_those_beyond_the_limit_the_largest_first(
     assert all(choice.next.startswith("known better: ") for choice in choices)
     assert to_be_measured(found, sloping.scene, sloping.deviations, 1.0) == ()
     assert moves_of_inputs(replace(found, draws=None), sloping.scene) == {}
+
+
+def test_coarse_steps_are_no_effect_of_an_input(sloping):
+    """u_num belongs to no input: with much of it, one deviation of an input moves the path by no more."""
+    settings = UncertaintySettings(samples=256)
+    fine = UncertaintySampling(sloping, settings).describe(256)
+    statistics = sloping.simulated.statistics | {"u_tolerance_m": 3 * position_rms(fine.validation)}
+    coarse = replace(sloping, simulated=replace(sloping.simulated, statistics=statistics))
+    noisy = UncertaintySampling(coarse, settings).describe(256)
+    first = max(moves_of_inputs(fine, sloping.scene).items(), key=lambda item: item[1])
+    assert moves_of_inputs(noisy, sloping.scene)[first[0]] < 1.7 * first[1]
 
 
 @pytest.mark.parametrize(("name", "size"), [("rest_length", False), ("hinge_height", True)])

@@ -141,10 +141,12 @@ class UncertaintySampling:
         simulated, measured = (np.array(paths)[done] for paths in (made.simulated, made.measured))
         u_tolerance_m, rows = self.case.simulated.statistic("u_tolerance_m"), made.rows
         error = pose_difference(simulated, measured)
-        shares = variance_shares(draws, error[..., :2].reshape(len(error), -1), self._sampler.widths)
         rng = np.random.default_rng([self.settings.seed, len(draws)])
         step = np.pad(rng.standard_normal((len(draws), 1, 2)) * u_tolerance_m / np.sqrt(2), ((0, 0), (0, 0), (0, 1)))
         numerical = step + rng.standard_normal((len(draws), 1, 1)) * self._to_dynamics[rows]
+        error += numerical
+        # Of all that u_val holds: else an input's share of the larger variance would count as a larger effect of it.
+        shares = variance_shares(draws, error[..., :2].reshape(len(error), -1), self._sampler.widths)
         off = pose_difference(measured, made.nominal[rows])
         of_measurement, of_simulation, of_error = made.squares / len(draws)
         return RunUncertainty(
@@ -158,7 +160,7 @@ class UncertaintySampling:
             seed=self.settings.seed,
             findings=(*_main_input(shares), *self._dropped(done), *self._coarse(), *self._widened()),
             upstream=self.case.upstream,
-            draws=Draws(rows, error + numerical, off, draws, self._sampler.names),
+            draws=Draws(rows, error, off, draws, self._sampler.names),
         )
 
     def _shift_by_dynamics(self) -> Array:
