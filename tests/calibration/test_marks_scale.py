@@ -67,6 +67,13 @@ def test_a_mark_given_twice_does_not_hide_another_unit():
         check_scale(with_marks(77, by=100.0, kept=(0, 0, 3)))
 
 
+def test_a_mark_clicked_twice_at_two_pixels_does_not_hide_another_unit():
+    twice = with_marks(77, by=1000.0, kept=(0, 0, 1, 2, 3))
+    pixels = twice.floor_reference.marks_px + np.array([[0.4, -0.3], *np.zeros((4, 2))])
+    with pytest.raises(InputError, match="millimetres"):
+        check_scale(replace(twice, reference=replace(twice.floor_reference, marks_px=pixels)))
+
+
 @pytest.mark.parametrize("focal_px", [380.0, 700.0])
 @pytest.mark.parametrize("seed", [78, 79, 80, 81])
 def test_two_sound_marks_at_the_edge_of_a_fisheye_pass(seed, focal_px):

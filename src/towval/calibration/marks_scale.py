@@ -59,6 +59,8 @@ def _common_factor(observed: CalibrationObservations, *, fisheye: bool) -> float
     pixels, lens = np.ascontiguousarray(reference.marks_px), np.ascontiguousarray(seen.lens)
     by_boards = pdist(to_plane_kernel(pixels, 0.0, seen.T_camera_floor, seen.matrix, lens))
     # Where a ray misses the floor, nothing is said; of a mark given twice neither.
-    logs = np.log(pdist(reference.marks_m)[by_boards != 0] / by_boards[by_boards != 0])
+    stated = pdist(reference.marks_m)
+    told = (by_boards != 0) & (stated != 0)
+    logs = np.log(stated[told] / by_boards[told])
     alike = len(logs) and (np.all(logs > 0) or np.all(logs < 0))
     return float(np.exp(logs[np.argmin(np.abs(logs))])) if alike else 1.0
