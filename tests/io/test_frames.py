@@ -114,6 +114,31 @@ def test_runs_of_another_camera_are_refused(lab, tmp_path):
         towval.load(tmp_path / "lab")
 
 
+@pytest.mark.parametrize("gone", ["camera.mcap", "a/decimate.mcap"])
+def test_a_verdict_on_what_could_not_be_made_anew_is_refused(lab, tmp_path, gone):
+    """The workflow takes a file away before it makes it anew; where that fails, what was made of it stays."""
+    shutil.copytree(lab[0], tmp_path / "lab")
+    run, origin, simulated = lab[1]["a"], tmp_path / "lab" / gone, tmp_path / "lab" / "a" / "simulate.mcap"
+    origin.write_bytes(b"made before")
+    simulated.unlink()
+    write_simulated(simulated, run.simulated, provenance("simulate", {}, {origin.name: origin}, run="a"))
+    origin.unlink()
+    with pytest.raises(InputError, match=f"{origin.name} is missing"):
+        towval.load(tmp_path / "lab")
+
+
+def test_a_copy_of_a_run_under_another_name_is_refused(lab, tmp_path):
+    """As one of before: it had counted as a run more."""
+    shutil.copytree(lab[0], tmp_path / "lab")
+    run, place = lab[1]["a"], tmp_path / "lab" / "a" / "compare.mcap"
+    place.unlink()
+    made_of = provenance("compare", {}, {}, run="a")
+    write_comparison(place, run.comparison, run.object_track, run.simulated, made_of)
+    shutil.copytree(tmp_path / "lab" / "a", tmp_path / "lab" / "a_before")
+    with pytest.raises(InputError, match=r"does not belong(.|\n)*run a\n(.|\n)*run a_before"):
+        towval.load(tmp_path / "lab")
+
+
 def test_no_stage_depends_on_the_tables(monkeypatch):
     """An edit there runs no stage again, though the package's front door leads to it."""
     found = []

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from towval.io.chain import check_together
+from towval.io.chain import check_together, read_origin
 from towval.io.records import read_calibration, read_comparison, read_simulated, read_tracks, read_uncertainty
 from towval.io.results_index import current_runs
 from towval.io.summary import summary_table
@@ -45,7 +45,7 @@ def load(*folders: Path | str) -> Results:
 
     ``folders`` of results are such as ``results/lab_a``, with ``camera.mcap`` and a folder for each run. Runs whose
     comparison is not there yet are left out. Raises `InputError` when a folder is missing or holds no result of a run,
-    two have one name, or files of a run were not made of each other and of that camera.
+    two have one name, or files of a run are of another run, or made of a file that is gone or has been replaced since.
 
     Examples
     --------
@@ -105,9 +105,11 @@ class _Part:
 
     def __init__(self, campaign: str, name: str, folder: Path):
         self.campaign, self.name = campaign, name
-        camera = folder.parent / "camera.mcap"
-        files = {each: folder / each for each in _FILES} | ({camera.name: camera} if camera.is_file() else {})
-        check_together(files)
+        files = {each: folder / each for each in _FILES}
+        # The workflow takes a file away before it makes it anew: where that fails, what was made of it stays.
+        made_of = {origin for path in files.values() for origin in read_origin(path).inputs}
+        further = (folder / "decimate.mcap", folder.parent / "camera.mcap")
+        check_together(files | {path.name: path for path in further if path.name in made_of}, run=name)
         self.comparison = read_comparison(folder / "compare.mcap")
         self._tracks = read_tracks(folder / "track.mcap")
         self._simulated = read_simulated(folder / "simulate.mcap")
