@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import sqlite3
 
 import pandas as pd
@@ -95,6 +96,15 @@ def test_a_comparison_that_does_not_belong_to_the_run_is_not_made(tmp_path):
     runs = read_results([tmp_path]).runs
     assert runs["state"].tolist() == ["track", "uncertainty", "compare"]
     assert runs["verdict"].tolist() == [UNFINISHED, UNFINISHED, "agrees"]
+
+
+def test_a_copy_of_a_run_under_another_name_is_no_run_more(tmp_path):
+    lab = tmp_path / "lab"
+    make_run(lab / "a")
+    for stage in STAGES_OF_RUN:
+        write_mcap(lab / "a" / f"{stage}.mcap", [], COMPARED, {"run": "a"})
+    shutil.copytree(lab / "a", lab / "a_before")
+    assert read_results([tmp_path]).runs["verdict"].tolist() == ["agrees", UNFINISHED]
 
 
 @pytest.mark.parametrize("gone", ["a/track.mcap", "a/simulate.mcap", "camera.mcap"])

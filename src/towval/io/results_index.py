@@ -213,7 +213,7 @@ def _belonging(run: Path, camera: _Stage | None) -> dict[str, _Stage]:
                 origin is None or (origin.made_s > known.made_s and _replaced(place, digest))
                 for place, origin, digest in named
             )
-            if not stale and len({known.run, *(other.run for other in kept.values())}) == 1:
+            if not stale and known.run in (None, "", run.name):
                 kept[stage] = known
         # The workflow takes a file away before it makes it anew: where that fails, what was made of it stays.
         before[stage] = path, kept.get(stage)
