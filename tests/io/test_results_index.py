@@ -29,6 +29,15 @@ def test_a_run_is_a_row_with_findings_inputs_and_costs(tmp_path):
     assert set(index.inputs["input"]) == {"a.mp4", "track.mcap", "campaign.yaml: friction"}
 
 
+def test_a_run_names_all_versions_with_which_its_stages_were_made(tmp_path):
+    make_run(tmp_path / "lab" / "a")
+    for path, version in (("camera", "0.8.0"), ("a/track", "0.9.0")):
+        file = tmp_path / "lab" / f"{path}.mcap"
+        write_mcap(file, [], {}, {"versions": json.dumps({"towval": version})})
+        os.utime(file, (1, 1))  # before what was made of it
+    assert read_results([tmp_path]).runs["version"].tolist() == ["0.8.0, 0.9.0, 1.0.0"]
+
+
 def test_no_input_is_the_main_one_where_none_has_a_share(tmp_path):
     """With fewer draws than it takes to tell: the first by name had been, with 0 %."""
     make_run(tmp_path / "lab" / "a", shares={"stiffness": 0.0, "friction": 0.0, "noise and interactions": 1.0})

@@ -1,15 +1,25 @@
 """The page over many runs in a real browser: filters, order, changes; names that would be markup stay text."""
 
+import json
 import os
 
 import pytest
 from browser import Browser
 
 from result_folders import make_run
+from towval.io.mcap_file import read_details, write_mcap
 from towval.io.results_index import read_results
 from towval.report.index_page import write_index_page
 
 HOSTILE = "<img src=x onerror=alert(1)>"
+
+
+def state_tether(run, **digests):
+    """Let stages say with which tether of campaign.yaml they were made."""
+    for stage, digest in digests.items():
+        details, provenance = read_details(run / f"{stage}.mcap")
+        sections = json.loads(provenance["campaign_sha256"]) | {"tether": digest}
+        write_mcap(run / f"{stage}.mcap", [], details, provenance | {"campaign_sha256": json.dumps(sections)})
 
 
 @pytest.fixture(scope="module")
@@ -17,6 +27,7 @@ def page(tmp_path_factory):
     folder = tmp_path_factory.mktemp("index")
     for k in range(60):
         make_run(folder / "old" / f"lab_{k}" / "a", path_rms_m=0.001 * (k + 1), video=f"{k:02d}")
+    state_tether(folder / "old" / "lab_3" / "a", decimate="22", simulate="22")
     make_run(folder / "old" / HOSTILE / "<!--<script>", up_to="track")
     for path in (folder / "old").rglob("*.mcap"):
         os.utime(path, (1.7e9, 1.7e9))
@@ -28,6 +39,7 @@ def page(tmp_path_factory):
         video="03",
         friction="11",
     )
+    state_tether(folder / "new" / "lab_3" / "a", decimate="11", simulate="22")
     make_run(folder / "new" / "lab_4" / "a", path_rms_m=0.005, video="xx")
     make_run(folder / "new" / "lab_5" / "a", path_rms_m=0.006, video="05", heading_rms_rad=0.01)
     make_run(folder / "new" / "LAB_4" / "a", path_rms_m=0.006)
@@ -121,7 +133,9 @@ def test_changes_between_two_folders_name_what_differs(page):
     )
     assert cells(page, "pairs", 2) == ["agrees → not judged", "agrees"]
     assert cells(page, "pairs", 6) == ["", "none → 0.5730"]
-    assert cells(page, "pairs", 8)[0] == "campaign.yaml: friction, version of towval"
+    assert cells(page, "pairs", 8)[0] == "campaign.yaml: friction, campaign.yaml: tether, version of towval"
+    # Other libraries or commits are not among what is compared.
+    assert cells(page, "pairs", 8)[1] == "no input, setting or version of towval: libraries, or code between versions"
 
 
 def test_hostile_names_are_shown_and_not_run(page):

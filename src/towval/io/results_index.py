@@ -174,7 +174,8 @@ def _stage_of(path: Path) -> _Stage | None:
 def _rows_of(run: Path, camera: _Stage | None) -> Iterator[tuple[str, tuple[Any, ...]]]:
     """Rows of a run, each with the name of its table and without the key."""
     made = _belonging(run, camera)
-    for stage, known in {**({"calibrate": camera} if camera else {}), **made}.items():
+    stages = {**({"calibrate": camera} if camera else {}), **made}
+    for stage, known in stages.items():
         yield from (("findings", (stage, *row)) for row in known.findings)
         yield from (("inputs", (stage, name, digest)) for name, digest in known.inputs.items())
         yield "settings", (stage, known.settings)
@@ -190,7 +191,7 @@ def _rows_of(run: Path, camera: _Stage | None) -> Iterator[tuple[str, tuple[Any,
             *(compared.get(name) for name in _MEASURES),
             main,
             shares.get(main),
-            next((known.version for known in reversed(made.values())), None),
+            ", ".join(dict.fromkeys(known.version for known in stages.values() if known.version)) or None,
             max((known.made_s for known in made.values()), default=None),
             *_costs(run),
         ),

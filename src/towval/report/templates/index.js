@@ -252,7 +252,15 @@
     byId("pairs").tHead.rows[0].append(cell);
   });
 
-  const ingredients = (i) => new Map(madeOf.codes[i].map((k) => madeOf.texts[k].split("\t")));
+  // Stages of one run may have been made of different ones.
+  function ingredients(i) {
+    const found = new Map();
+    for (const k of madeOf.codes[i]) {
+      const [name, mark] = madeOf.texts[k].split("\t");
+      found.set(name, found.has(name) ? `${found.get(name)}\t${mark}` : mark);
+    }
+    return found;
+  }
 
   function difference(a, b) {
     const [before, after] = [ingredients(a), ingredients(b)];
@@ -286,7 +294,7 @@
           cellOf(word("run", b)),
           cellOf(was === is ? is : `${was} → ${is}`),
           ...compared.map(([, values, digits]) => cellOf(arrow(values[a], values[b], digits), true)),
-          cellOf(difference(a, b).join(", ") || "none of inputs, settings and version: same code, other bytes"),
+          cellOf(difference(a, b).join(", ") || "no input, setting or version of towval: libraries, or code between versions"),
         );
         return row;
       }),
