@@ -20,6 +20,7 @@ from report_scenes import small_calibration
 from towval.commands.workflow import _check_as_stated, _environment, _lines, run, run_demo
 from towval.io.atomic import write_bytes
 from towval.io.campaign import load_campaign
+from towval.io.manifest import MANIFEST, write_manifest
 from towval.io.provenance import provenance
 from towval.io.records import write_calibration
 from towval.model.errors import InputError
@@ -167,6 +168,27 @@ def test_an_outcome_is_stated_for_what_was_made_or_is_up_to_date(tmp_path, monke
     assert (run(SAMPLE, tmp_path, snakemake=options) is not None) == stated
     # Without options, what succeeded is up to date.
     assert run(SAMPLE, tmp_path) is not None
+
+
+@pytest.mark.parametrize("fails_at", ["track", "exchange"])
+def test_a_report_that_stays_where_a_stage_failed_is_said_to_be_of_before(tmp_path, monkeypatch, capsys, fails_at):
+    """A new video was refused: the page beside it still gave the verdict on the one before, and nothing said so."""
+    made = tmp_path / "sample"
+    write_bytes(made / "report.html", b"the run agrees")
+    write_bytes(made / "a" / "track.mcap", b"of the video before")
+    write_manifest(made / MANIFEST, [made / "report.html", made / "a" / "track.mcap"])
+
+    @contextmanager
+    def workflow(_line):
+        if fails_at == "track":  # Snakemake takes away what it is about to make
+            (made / "a" / "track.mcap").unlink()
+        yield SimpleNamespace(stderr=[], returncode=1), []
+
+    monkeypatch.setattr("towval.commands.workflow._ending_with_us", workflow)
+    with pytest.raises(SystemExit):
+        run(SAMPLE, tmp_path)
+    said = f"report.html, summary.csv and figures in {made} are of an earlier call: a/track.mcap is gone since"
+    assert (said in capsys.readouterr().err) == (fails_at == "track")
 
 
 def test_a_fault_of_the_campaign_is_told_before_anything_runs(tmp_path):

@@ -25,6 +25,7 @@ from towval.commands.settings import nested
 from towval.io.atomic import write_bytes
 from towval.io.campaign import Campaign, load_campaign
 from towval.io.chain import changed_sections, read_origin
+from towval.io.manifest import MANIFEST, read_manifest
 from towval.io.schema import check, packaged_schema
 from towval.io.summary_rows import read_summary
 from towval.model.conventions import STAGES_OF_RUN
@@ -98,6 +99,7 @@ def run(
             if not _NOISE.match(text):
                 print(text, end="", file=sys.stderr, flush=True)
     if workflow.returncode:
+        _say_if_outdated(made)
         raise SystemExit(workflow.returncode)
     if nothing_to_do:
         _check_as_stated(made, given)
@@ -126,6 +128,16 @@ def _check_as_stated(made: Path, given: Campaign) -> None:
                 allowed="a call from the working folder of the first, where Snakemake keeps its notes (.snakemake)",
                 remedy='call from there; or make all anew: --snakemake "--forceall"',
             )
+
+
+def _say_if_outdated(made: Path) -> None:
+    """Say that the report is of an earlier call where results that it shows have been made anew, or could not be."""
+    with suppress(InputError):  # there is no list, or a damaged one
+        changed = next((row for row in read_manifest(made / MANIFEST) if row.found != row.stated), None)
+        if changed is not None and (made / "report.html").is_file():
+            how = "is gone" if changed.found is None else "has changed"
+            told = f"report.html, summary.csv and figures in {made} are of an earlier call: {changed.name} {how} since"
+            print(f"towval: {told}", file=sys.stderr, flush=True)
 
 
 def _made_ns(path: Path) -> int | None:
