@@ -267,6 +267,22 @@ def test_what_a_run_left_that_the_report_leaves_out_is_no_fault(tmp_path):
         verify.run(tmp_path)
 
 
+def test_a_layout_of_an_earlier_version_is_no_fault(tmp_path, monkeypatch):
+    """Sound results had failed as soon as the layout of the installed version was another."""
+    run = tmp_path / "lab" / "a"
+    write_layouts(run)
+    record = provenance("exchange", None, {name: run / name for name in ("lichtblick.json", "rerun.rbl")}, run="a")
+    write_mcap(run / "exchange.mcap", [], {}, record)
+    write_manifest(tmp_path / "lab" / MANIFEST, [run / "exchange.mcap"])
+    (tmp_path / "new").write_text("the layout of the next version")
+    later = dict.fromkeys(("lichtblick.json", "rerun.rbl"), tmp_path / "new")
+    monkeypatch.setattr("towval.commands.verify.packaged_layouts", lambda: later)
+    verify.run(tmp_path / "lab")
+    (run / "rerun.rbl").write_text("edited")
+    with pytest.raises(InputError, match=r"rerun\.rbl is not the layout"):
+        verify.run(tmp_path / "lab")
+
+
 def test_a_figure_is_of_the_run_that_its_whole_name_tells(tmp_path):
     """A figure of the calibration was said to be made of a run that is called as the end of its name."""
     figures = [tmp_path / "figures" / f"{name}.svg" for name in ("calibration_coverage", "decimate_coverage")]

@@ -7,7 +7,7 @@ from towval.commands.console import Outcome
 from towval.commands.run_folder import named, read_run
 from towval.io.campaign import Run, load_campaign, names_in
 from towval.io.coded_video import coded_video
-from towval.io.exchange import check_layouts, write_layouts, write_run_file
+from towval.io.exchange import check_layouts, packaged_layouts, write_layouts, write_run_file
 from towval.io.provenance import provenance
 from towval.io.records import read_calibration
 from towval.io.video import Video
@@ -22,7 +22,7 @@ def run(campaign: Path, name: str, camera: Path, folder: Path, output: Path) -> 
     given, calibration = load_campaign(campaign), read_calibration(camera)
     entry, record = given.run(name), read_run(given, name, folder, camera)
     pictures = film_pictures(entry, calibration, record)
-    inputs = named(folder, camera) | names_in(given.folder, [entry.video])
+    inputs = named(folder, camera) | names_in(given.folder, [entry.video]) | packaged_layouts()
     write_run_file(
         output, record, calibration, pictures, provenance("exchange", None, inputs, run=name, document=given.document)
     )

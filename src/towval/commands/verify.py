@@ -1,13 +1,12 @@
 """Command verify: whether a folder of results is whole, and which figure stems from which bytes."""
 
 from collections.abc import Collection, Iterator
-from importlib.resources import files as packaged
 from pathlib import Path
 
 from towval.commands.console import Outcome
 from towval.io.campaign import load_campaign, names_in
 from towval.io.chain import Origin, changed_sections, read_origin
-from towval.io.exchange import LAYOUTS
+from towval.io.exchange import packaged_layouts
 from towval.io.manifest import MANIFEST, read_manifest, unlisted
 from towval.io.mcap_file import read_mcap
 from towval.io.provenance import file_hash
@@ -57,7 +56,7 @@ def run(results: Path, campaign: Path | None = None) -> Outcome:
             origins[path] = read_origin(path)
         except TowvalError as error:
             faults.append(_in_a_line(error))
-    faults += [*_broken_links(results, origins), *_faults_of_list(results, aside), *_faults_beside(results)]
+    faults += [*_broken_links(results, origins), *_faults_of_list(results, aside), *_faults_beside(results, origins)]
     if campaign is not None:
         faults += _changed_inputs(campaign, origins)
     if faults:
@@ -118,13 +117,15 @@ def _faults_of_list(results: Path, aside: Collection[Path]) -> Iterator[str]:
     yield from (f"{name} is on no list" for name in names if not any(map((results / name).is_relative_to, aside)))
 
 
-def _faults_beside(results: Path) -> Iterator[str]:
-    """Files that come after the list: layouts as packaged, the table as the identification says."""
-    for name in LAYOUTS:
-        content = (packaged("towval.io") / "layouts" / name).read_bytes()
+def _faults_beside(results: Path, origins: dict[Path, Origin]) -> Iterator[str]:
+    """Files that come after the list: layouts as written with the file for viewers, the table as identified."""
+    for name, packaged in packaged_layouts().items():
         for path in sorted(results.glob(f"*/{name}")):
-            if path.read_bytes() != content:
-                yield f"{path.relative_to(results)} is not the layout of this version"
+            made = origins.get(path.with_name("exchange.mcap"))
+            # Another version may have another layout; what does not record its own counts as made by this one.
+            written = made.inputs.get(name) if made else None
+            if file_hash(path) != (written or file_hash(packaged)):
+                yield f"{path.relative_to(results)} is not the layout that belongs to exchange.mcap"
     table, values = results / "identify.csv", results / "identify.mcap"
     if table.exists() and values.exists():
         try:

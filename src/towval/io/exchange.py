@@ -57,8 +57,13 @@ def write_layouts(folder: Path) -> tuple[Path, ...]:
     return tuple(folder / name for name in LAYOUTS)
 
 
+def packaged_layouts() -> dict[str, Path]:
+    """The layouts of this version by name; ``exchange.mcap`` records them as its inputs."""
+    return {name: Path(str(files("towval.io") / "layouts" / name)) for name in LAYOUTS}
+
+
 def _layout(name: str) -> bytes:
-    return (files("towval.io") / "layouts" / name).read_bytes()
+    return packaged_layouts()[name].read_bytes()
 
 
 def _pictures(pictures: Iterable[Still], camera: Camera) -> Iterator[Message]:
