@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -98,3 +100,14 @@ def test_noise_about_one_place_is_a_pause_and_does_not_swing():
     path = TimedPath(np.concatenate([rest, moving]), position)
     at_rest = spline_values(spline_through(path), np.linspace(0, 3.0, 200))[0]
     assert np.abs(at_rest).max() < 1e-3
+
+
+@pytest.mark.parametrize("apart", [0.2, 0.1, 0.02])
+def test_a_pause_in_a_bend_turns_the_direction_by_as_much_as_documented(apart):
+    """A cubic of time that comes to rest cannot bend there (docs/planning.md)."""
+    radius, way = 2.0, np.arange(round(1.0 / apart) + 1) * apart
+    angle, time_s = np.r_[way, way + way[-1]] / radius, np.r_[way, way + way[-1] + 0.5] / 0.05
+    path = TimedPath(time_s, radius * np.stack([np.sin(angle), 1 - np.cos(angle)], axis=1))
+    _, velocity = spline_values(spline_through(path), np.array([time_s[len(way) - 1] - 1e-4, time_s[len(way)] + 1e-4]))
+    off = np.arctan2(velocity[:, 1], velocity[:, 0]) - way[-1] / radius
+    np.testing.assert_allclose(off, np.array([-1, 1]) * apart / radius / math.sqrt(12), rtol=0.01)
