@@ -13,6 +13,7 @@ from towval.model.findings import finding
 from towval.model.inputs import Realisation
 from towval.validation.decimate import decimate
 from towval.validation.identify import IdentifySettings, MeasuredRun, _Fit, _identifiability, identify
+from towval.validation.seen_otherwise import SeenOtherwise
 from towval.validation.simulate import SimulateSettings, simulate
 
 DEVIATIONS = validation_case.DEVIATIONS | {"stiffness": 16.0}
@@ -92,6 +93,27 @@ def test_inputs_that_turn_the_object_are_not_mistaken_for_friction(scene, measur
     std = np.sqrt(found.covariance[0, 0])
     assert abs(found.values[0] - 0.32) < 2.5 * std
     assert std < 0.008
+
+
+def test_an_error_that_all_runs_share_is_not_averaged_away(scene, measure):
+    """Lengths on the floor half a percent too long in all runs: the length was found three deviations and more off."""
+
+    def longer(thin):
+        stretch = np.array([1.005, 1.005, 1.0])
+        return replace(thin, pose=thin.pose * stretch, rate=thin.rate * stretch)
+
+    def stretched(run):
+        track = replace(run.object_track, pose=run.object_track.pose * [1.005, 1.005, 1.0])
+        return SeenOtherwise(longer(run.rover), longer(run.towed), track)
+
+    seen = [replace(run, **vars(stretched(run))) for run in measure(scene)]
+    nothing, settings = dict.fromkeys(DEVIATIONS, 0.0), IdentifySettings(("rest_length",))
+    off = []
+    for runs in (seen, [replace(run, otherwise=(stretched(run),)) for run in seen]):
+        found = identify(scene, nothing, runs, settings)
+        off.append(abs(found.values[0] - scene.tether.rest_length) / np.sqrt(found.covariance[0, 0]))
+    assert off[0] > 3
+    assert off[1] < 1.5
 
 
 def test_a_run_that_cannot_be_judged_has_no_say(scene, measure):

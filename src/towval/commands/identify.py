@@ -13,10 +13,12 @@ from towval.io.atomic import check_own, check_plain, write_text
 from towval.io.campaign import load_campaign
 from towval.io.chain import check_together
 from towval.io.provenance import provenance
-from towval.io.records import read_decimated, read_simulated, read_tracks, read_uncertainty
+from towval.io.records import read_calibration, read_decimated, read_simulated, read_tracks, read_uncertainty
 from towval.io.records.identification import identified_table, write_identification
+from towval.model import Body, Calibration
 from towval.model.errors import InputError
 from towval.validation.identify import IdentifySettings, MeasuredRun, identify
+from towval.validation.seen_otherwise import seen_otherwise
 
 _TABLE_MARK = "parameter,given,"
 """How a table that may be replaced begins."""
@@ -32,13 +34,15 @@ def run(campaign: Path, results: Path, output: Path, keys: Mapping[str, Any] | N
     check_own(table, _TABLE_MARK)
     given = load_campaign(campaign)
     runs: list[MeasuredRun] = []
-    inputs: dict[str, Path] = {}
+    camera = results / "camera.mcap"
+    inputs: dict[str, Path] = {"camera.mcap": camera}
     for name in given.runs:
         paths = files(results / name)
         stages = ("track", "decimate", "simulate", "uncertainty")
-        check_together({f"{stage}.mcap": paths[stage] for stage in stages}, given.document, name)
+        together = {"camera.mcap": camera, **{f"{stage}.mcap": paths[stage] for stage in stages}}
+        check_together(together, given.document, name)
         inputs |= {f"{name}/{stage}.mcap": paths[stage] for stage in stages}
-        runs.append(_measured(name, paths))
+        runs.append(_measured(name, paths, read_calibration(camera), given.bodies))
     identified = identify(given.scene, given.deviations, runs, settings)
     write_text(table, identified_table(identified), own=_TABLE_MARK)
     write_identification(output, identified, provenance("identify", settings, inputs, document=given.document))
@@ -53,7 +57,7 @@ def run(campaign: Path, results: Path, output: Path, keys: Mapping[str, Any] | N
     return Outcome("identify", (output, table), text, {"values": values}, identified.findings)
 
 
-def _measured(name: str, paths: Mapping[str, Path]) -> MeasuredRun:
+def _measured(name: str, paths: Mapping[str, Path], calibration: Calibration, bodies: tuple[Body, Body]) -> MeasuredRun:
     thin, simulated = read_decimated(paths["decimate"]), read_simulated(paths["simulate"])
     measured, uncertainty = read_tracks(paths["track"])["object"], read_uncertainty(paths["uncertainty"], draws=False)
     return MeasuredRun(
@@ -66,4 +70,5 @@ def _measured(name: str, paths: Mapping[str, Path]) -> MeasuredRun:
         rung=simulated.rung,
         sticking=simulated.sticking,
         findings=(*uncertainty.upstream, *measured.findings, *simulated.findings, *uncertainty.findings),
+        otherwise=seen_otherwise(calibration, bodies, (thin["rover"], thin["object"]), measured),
     )

@@ -4,7 +4,7 @@ Separate from the validation: the blind comparison uses the values of campaign.y
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,7 @@ from towval.physics.ladder import DYNAMICS
 from towval.validation.consequences import forbidding
 from towval.validation.hinge_trajectory import hinge_trajectory
 from towval.validation.scene_model import SceneModel
+from towval.validation.seen_otherwise import SeenOtherwise
 
 _STEP = 0.1
 """Step of the difference quotients, in units of a parameter's scale: below it the phase of stick-slip is noise."""
@@ -76,7 +77,8 @@ class MeasuredRun:
 
     ``name``; the decimated tracks of both bodies and the object's track; ``time_s`` (n,) at which it was simulated and
     ``measurement`` (n, 3, 3) the covariance of the measured pose there; ``rung`` of the model that simulated it
-    and whether it was ``sticking``; ``findings`` of all stages so far.
+    and whether it was ``sticking``; ``findings`` of all stages so far; ``otherwise``: its tracks with each unknown that
+    all runs share one deviation off, in the same order in all runs.
     """
 
     name: str
@@ -88,6 +90,7 @@ class MeasuredRun:
     rung: str
     sticking: bool = False
     findings: tuple[Finding, ...] = ()
+    otherwise: tuple[SeenOtherwise, ...] = ()
 
 
 def identify(
@@ -100,9 +103,10 @@ def identify(
     counted twice: once as independent between blocks, once as one unknown for all blocks of a run (such as the camera's
     or the start's). The covariance of the residuals is ``V = 1 + Σ + B Bᵀ``, with Σ that of the second case and in the
     columns of B the changes of the residuals by one deviation to either side, over √2, of each input that is not
-    fitted, as in campaign.yaml. The values make ``rᵀ V⁻¹ r`` least: an anchor that is a millimetre off turns the object
-    by many deviations of the measurement, which are then not mistaken for effects of the values. Their covariance is
-    ``(Jᵀ V⁻¹ J)⁻¹ max(1, χ²)`` with χ² reduced. B is taken at the values of campaign.yaml, then at those found.
+    fitted, as in campaign.yaml, and by one deviation of camera and heights, whose errors all runs share. The values
+    make ``rᵀ V⁻¹ r`` least: an anchor that is a millimetre off turns the object by many deviations of the measurement,
+    which are then not mistaken for effects of the values. Their covariance is ``(Jᵀ V⁻¹ J)⁻¹ max(1, χ²)`` with χ²
+    reduced. B is taken at the values of campaign.yaml, then at those found.
 
     The sum of squares has many minima. It is computed at the values of campaign.yaml and at 64 points of a Sobol
     sequence over the searched range; fits start at the best three, and the best fit counts.
@@ -264,7 +268,8 @@ class _Fit:
             return np.full(_there(run).size, np.nan)
 
     def by_others(self, runs: Sequence[MeasuredRun], values: Array) -> Array:
-        """Changes of the residuals (m, k) by one deviation to either side of each input that is not fitted, over √2.
+        """Changes of the residuals (m, k) by one deviation to either side of each input that is not fitted, over √2,
+        and by one deviation of what all runs share in their measurement.
 
         The sum of their squares is the mean square change. It counts inputs that cannot be on one side, too: of a
         height of zero both sides are the same, and their difference is none.
@@ -279,6 +284,9 @@ class _Fit:
             for off in (std, -std):
                 moved = self._residuals(runs, _changed(self.nominal, row, i, given + off), values)
                 columns.append((moved - unmoved)[:, None] / np.sqrt(2))
+        for otherwise in zip(*(run.otherwise for run in runs), strict=True):
+            seen = [replace(run, **vars(other)) for run, other in zip(runs, otherwise, strict=True)]
+            columns.append((self._residuals(seen, self.nominal, values) - unmoved)[:, None])
         return np.hstack(columns)
 
     def covariance(self, runs: Sequence[MeasuredRun], found: _Found, by_others: Array) -> Array:

@@ -1,6 +1,7 @@
 # Kept apart from the validation: nothing of it goes into simulate, uncertainty or compare.
 rule identify:
     input:
+        camera=results("{campaign}", "camera.mcap"),
         tracks=per_run("track.mcap"),
         decimated=per_run("decimate.mcap"),
         simulated=per_run("simulate.mcap"),
