@@ -63,11 +63,24 @@ def _calibrated(
     worse = squares > reference.mark_std_px**2 * chdtri(freedom, 0.001)
     std_px = np.sqrt(squares / freedom) if worse else reference.mark_std_px
     covariance, _ = marginal_covariance([_block(reference, std_px)], estimate, active)
+    covariance = covariance + _of_selection(chosen, trials)
     camera = Camera(resolution_px, estimate.matrix, estimate.distortion, chosen.model)
     calibration = Calibration(camera, Floor(estimate.T_camera_floor), covariance, std_px)
     calibration = _reported(calibration, reference, chosen, (0.0, *heights_m))
     single = misfit_findings([_block(reference, std_px)], estimate, active, reference.mark_std_px)
     return replace(calibration, findings=(*calibration.findings, *single))
+
+
+def _of_selection(chosen: LensTrial, trials: Sequence[LensTrial]) -> Array:
+    """What may be missing in a lens model that is smaller than the one that predicts best, as a covariance.
+
+    A few marks predict about as well with a coefficient too few. Its deviations know nothing of that coefficient: where
+    the lens has it, errors in the corners of the picture are three times what they say.
+    """
+    alike = [trial for trial in trials if trial.determined and is_fisheye(trial.model) == is_fisheye(chosen.model)]
+    best = min(alike, key=lambda trial: trial.score_px2, default=chosen)
+    missing = best.estimate.shared - chosen.estimate.shared
+    return np.outer(missing, missing)
 
 
 def _trials(resolution_px: tuple[int, int], reference: FloorReference, models: Sequence[str]) -> list[LensTrial]:
