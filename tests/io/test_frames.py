@@ -84,6 +84,22 @@ def test_a_folder_without_results_is_told(tmp_path):
         towval.load(tmp_path)
 
 
+def test_runs_without_a_comparison_are_named(lab, tmp_path):
+    """A mean over the others is one over those that no stage refused."""
+    shutil.copytree(lab[0], tmp_path / "lab")
+    (tmp_path / "lab" / "b" / "compare.mcap").unlink()
+    refused = tmp_path / "lab" / "c" / "logs"
+    refused.mkdir(parents=True)
+    (refused / "track.log").write_text("track c: refused", encoding="utf-8")
+    with pytest.warns(UserWarning, match="lab/b, lab/c") as caught:
+        results = towval.load(tmp_path / "lab")
+    assert caught[0].filename == __file__
+    assert results.summary.run.tolist() == ["a"]
+    assert results.left_out == ("lab/b", "lab/c")
+    assert "Without a comparison: lab/b, lab/c." in repr(results)
+    assert towval.load(lab[0]).left_out == ()
+
+
 @pytest.mark.parametrize("given", [(), (5,), (None,), (["lab"],), ("missing",), (__file__,)])
 def test_what_is_no_folder_is_refused(given):
     with pytest.raises(InputError, match="folder"):

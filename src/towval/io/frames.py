@@ -1,6 +1,7 @@
 """Results as pandas tables, with units in the names of the columns; what :func:`towval.load` returns."""
 
 import os
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +26,8 @@ class Results:
     ``summary`` one row a run, with errors, uncertainties and verdict, as in ``summary.csv``; ``tracks`` measured poses
     of rover and object with standard deviations, one row a body and frame, NaN where lost; ``simulated`` motion of the
     object, tether force and length; ``errors`` simulated minus measured, in floor axes and along and across the path,
-    with the uncertainty u_val of the position; ``findings`` of all stages but decimate.
+    with the uncertainty u_val of the position; ``findings`` of all stages but decimate. ``left_out`` names the runs
+    that have no comparison, as ``lab_a/b``.
     """
 
     summary: pd.DataFrame
@@ -33,19 +35,24 @@ class Results:
     simulated: pd.DataFrame
     errors: pd.DataFrame
     findings: pd.DataFrame
+    left_out: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        tables = (f"{name} ({len(table)} × {table.shape[1]})" for name, table in vars(self).items())
+        tables = (
+            f"{name} ({len(table)} × {table.shape[1]})" for name, table in vars(self).items() if name != "left_out"
+        )
         runs = (f"{row.campaign}/{row.run} {row.verdict}" for row in self.summary.itertuples())
-        return f"Results of {', '.join(runs)}. Tables, with rows × columns: {', '.join(tables)}"
+        without = f" Without a comparison: {', '.join(self.left_out)}." if self.left_out else ""
+        return f"Results of {', '.join(runs)}.{without} Tables, with rows × columns: {', '.join(tables)}"
 
 
 def load(*folders: Path | str) -> Results:
     """The results of one or several campaigns: one table of each kind over all campaigns and runs.
 
-    ``folders`` of results are such as ``results/lab_a``, with ``camera.mcap`` and a folder for each run. Runs whose
-    comparison is not there yet are left out. Raises `InputError` when a folder is missing or holds no result of a run,
-    two have one name, or files of a run are of another run, or made of a file that is gone or has been replaced since.
+    ``folders`` of results are such as ``results/lab_a``, with ``camera.mcap`` and a folder for each run. Runs without a
+    comparison are left out with a `UserWarning`: a stage refused, or they are not made yet. Raises `InputError` when a
+    folder is missing or holds no result of a run, two have one name, or files of a run are of another run, or made of a
+    file that is gone or has been replaced since.
 
     Examples
     --------
@@ -66,7 +73,11 @@ def load(*folders: Path | str) -> Results:
             got=", ".join(map(str, folders)),
             remedy="load them one by one",
         )
-    runs = [run for folder in folders for run in _runs(Path(folder))]
+    runs, left_out = _found_runs([Path(folder) for folder in folders])
+    if left_out:
+        # A mean over the other runs is one over those that no stage refused.
+        say = f"left out, since they have no comparison: {', '.join(left_out)}; see the logs of these runs"
+        warnings.warn(say, UserWarning, stacklevel=_CALLERS)
     parts = [_Part(campaign, name, folder) for campaign, name, folder in runs]
     findings = [row for folder in folders for row in _camera_findings(Path(folder))]
     return Results(
@@ -78,18 +89,29 @@ def load(*folders: Path | str) -> Results:
             [*findings, *(row for part in parts for row in part.findings())],
             columns=["campaign", "run", "stage", "severity", "code", "text"],
         ),
+        left_out=left_out,
     )
 
 
-def _runs(folder: Path) -> list[tuple[str, str, Path]]:
-    found = [run for run in current_runs(folder) if (run / "compare.mcap").is_file()]
-    if not found:
-        raise InputError(
-            f"{folder} holds no results of a run",
-            allowed="a folder with RUN/compare.mcap, as results/lab_a",
-            remedy="run the campaign first: towval run",
-        )
-    return [(_campaign(folder), path.name, path) for path in found]
+_CALLERS = 3
+"""Frames of the stack between a warning and who called :func:`towval.load`."""
+
+
+def _found_runs(folders: Sequence[Path]) -> tuple[list[tuple[str, str, Path]], tuple[str, ...]]:
+    """Campaign, name and folder of each run with a comparison; and those without one, as ``lab_a/b``."""
+    found, left_out = [], []
+    for folder in folders:
+        runs = [(_campaign(folder), run.name, run) for run in current_runs(folder)]
+        compared = [run for run in runs if (run[2] / "compare.mcap").is_file()]
+        if not compared:
+            raise InputError(
+                f"{folder} holds no results of a run",
+                allowed="a folder with RUN/compare.mcap, as results/lab_a",
+                remedy="run the campaign first: towval run",
+            )
+        found += compared
+        left_out += [f"{campaign}/{name}" for campaign, name, path in runs if (campaign, name, path) not in compared]
+    return found, tuple(left_out)
 
 
 def _campaign(folder: Path) -> str:
